@@ -1,0 +1,3 @@
+//! Properties of the planar geometry and the rasters against brute force.
+
+mod properties;
