@@ -1,0 +1,473 @@
+//! What flows between ground and rover, and from the ground server to its listeners.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use crate::scene::{Pose, RoverState};
+use crate::time::Timestamp;
+
+/// Names of the channels. The same names serve stream, log and replay.
+pub mod channel {
+    /// [`super::RoverTelemetry`], 10 Hz.
+    pub const ROVER_STATE: &str = "rover/state";
+    /// [`super::StabilityDerived`], derived on the ground from each `rover/state`.
+    pub const ROVER_STABILITY: &str = "rover/stability";
+    /// [`super::Uplink`] as it was handed to the link.
+    pub const COMMAND_UPLINK: &str = "command/uplink";
+    /// [`super::CommandEvent`]: every transition of every command.
+    pub const COMMAND_EVENT: &str = "command/event";
+    /// [`super::LinkReport`], 1 Hz and on change.
+    pub const LINK: &str = "link/report";
+    /// [`super::TerrainNotice`]: a new version of the map.
+    pub const TERRAIN: &str = "terrain/version";
+    /// [`super::JobReport`]: progress of long work (not logged).
+    pub const JOB: &str = "job/progress";
+    /// [`super::EventNotice`]: what operators and the server did or met.
+    pub const EVENT: &str = "event";
+    /// All channels, in a fixed order.
+    pub const ALL: [&str; 8] =
+        [ROVER_STATE, ROVER_STABILITY, COMMAND_UPLINK, COMMAND_EVENT, LINK, TERRAIN, JOB, EVENT];
+}
+
+/// What the rover is doing.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RoverMode {
+    /// Stands still and takes commands.
+    Idle,
+    /// Executes a command.
+    Executing,
+    /// Stopped by an E-stop; refuses motion until released.
+    Stopped,
+    /// A fault stopped it; `fault` says which. A stop release clears it.
+    Fault,
+}
+
+/// One telemetry frame of the rover.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RoverTelemetry {
+    /// Pose and joint angles.
+    pub state: RoverState,
+    /// True for each leg whose wheel stands on the ground.
+    pub contacts: BTreeMap<String, bool>,
+    /// Point of each wheel nearest to the ground, in `world` (m).
+    pub contact_points_m: BTreeMap<String, [f64; 3]>,
+    /// Force of the ground on each wheel, in `world` (N).
+    pub wheel_forces_n: BTreeMap<String, [f64; 3]>,
+    /// Torques of the joints by leg (N m).
+    pub joint_torques_nm: BTreeMap<String, Vec<f64>>,
+    /// What the rover is doing.
+    pub mode: RoverMode,
+    /// The command being executed, and how far it is (0 to 1).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub executing: Option<Executing>,
+    /// Why the rover is in mode `fault`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fault: Option<String>,
+}
+
+/// Progress of the command under way.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Executing {
+    /// The command.
+    pub command_id: String,
+    /// Share done, 0 to 1.
+    pub progress: f64,
+}
+
+/// Stability of the stance as last reported, computed on the ground.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StabilityDerived {
+    /// Center of mass in `world` (m).
+    pub com_m: [f64; 3],
+    /// The regular support polygon (m), or none with fewer than three feet on the ground.
+    pub regular: Option<PolygonAnswer>,
+    /// The conservative support polygon (m).
+    pub conservative: Option<PolygonAnswer>,
+    /// `area`, `point` or `empty`.
+    pub conservative_kind: RegionKind,
+    /// Margin after the worst settlement of one standing foot (m).
+    pub settlement_margin_m: Option<f64>,
+    /// The foot whose settlement is worst.
+    pub settlement_leg: Option<String>,
+    /// Largest |torque| / limit over all joints.
+    pub torque_ratio: f64,
+    /// The joint with the largest ratio.
+    pub torque_joint: String,
+    /// Torque / limit by leg, signed, from the hip outward.
+    pub torque_ratios: BTreeMap<String, Vec<f64>>,
+}
+
+/// What a region is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RegionKind {
+    /// It has area.
+    Area,
+    /// A single point.
+    Point,
+    /// Nothing.
+    Empty,
+}
+
+/// A support polygon with the margin of the center of mass.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PolygonAnswer {
+    /// Vertices `[x, y]` in `world` (m), counter-clockwise; a single one where the region is a
+    /// point.
+    pub polygon_m: Vec<[f64; 2]>,
+    /// Area (m²).
+    pub area_m2: f64,
+    /// Distance of the center of mass from the nearest edge (m), negative outside.
+    pub margin_m: f64,
+    /// The edge that decides, as `[[x, y], [x, y]]` (m).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub critical_edge_m: Option<[[f64; 2]; 2]>,
+    /// What decides, in words: the feet at the ends of the edge.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub critical: Option<String>,
+}
+
+/// One knot of a joint path.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct JointKnot {
+    /// Joint angles (rad), from the hip outward.
+    pub joints_rad: Vec<f64>,
+    /// Time after the start of the command (s); the simulated rover also keeps its joint speed.
+    pub time_s: f64,
+}
+
+/// What a command tells the rover to do.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
+pub enum CommandBody {
+    /// Move one leg through joint angles, joint-linear between knots. The first knot must be where
+    /// the leg is.
+    JointPath {
+        /// The leg.
+        leg: String,
+        /// Knots in order, at least two.
+        knots: Vec<JointKnot>,
+    },
+    /// Move one leg's wheel center along a straight line, keeping the wheel's orientation.
+    WheelLine {
+        /// The leg.
+        leg: String,
+        /// Where the wheel center goes, in `world` (m).
+        position_m: [f64; 3],
+    },
+    /// Stop where the rover is and stay in mode `idle`; what was under way is aborted.
+    Stop {},
+}
+
+/// What goes up to the rover.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Uplink {
+    /// A command.
+    Command {
+        /// Identity of the command (UUID).
+        id: String,
+        /// What to do.
+        body: CommandBody,
+        /// Where the legs were when the command was checked: leg to joint angles (rad). The rover
+        /// refuses the command when a joint is further off than `basis_tolerance_rad`.
+        #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+        basis_joints_rad: BTreeMap<String, Vec<f64>>,
+        /// Largest deviation from the basis (rad).
+        basis_tolerance_rad: f64,
+    },
+    /// Emergency stop: stop at once and refuse motion until released.
+    Estop {
+        /// Identity of this E-stop (UUID).
+        id: String,
+    },
+    /// Ends an E-stop.
+    EstopRelease {
+        /// Identity of this release (UUID).
+        id: String,
+    },
+}
+
+/// What comes down from the rover.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(tag = "type", rename_all = "snake_case", deny_unknown_fields)]
+#[allow(clippy::large_enum_variant)] // telemetry is nearly every message
+pub enum Downlink {
+    /// A telemetry frame.
+    Telemetry(RoverTelemetry),
+    /// What happened to an uplink on board.
+    Ack {
+        /// The uplink's identity.
+        id: String,
+        /// What happened.
+        stage: AckStage,
+        /// Why, or how far.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        detail: Option<String>,
+    },
+}
+
+/// What the rover says of an uplink.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum AckStage {
+    /// Arrived and understood.
+    Received,
+    /// Refused; `detail` says why.
+    Rejected,
+    /// Motion has begun.
+    Started,
+    /// Ended as commanded.
+    Completed,
+    /// Ended otherwise; `detail` says why.
+    Failed,
+    /// Ended by a stop or E-stop.
+    Aborted,
+}
+
+/// The state of a command, as shown to people.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum CommandState {
+    /// Checked and waiting for the operator.
+    Staged,
+    /// May be sent until `armed_until`.
+    Armed,
+    /// Handed to the link.
+    Sent,
+    /// The rover has it.
+    Received,
+    /// The rover moves.
+    Executing,
+    /// Done as commanded.
+    Done,
+    /// Refused by the rover, or ended otherwise.
+    Failed,
+    /// Ended by a stop or E-stop.
+    Aborted,
+    /// No word from the rover when there should have been one; nobody knows the outcome.
+    Overdue,
+    /// Taken back before it was sent.
+    Cancelled,
+    /// The plan's basis no longer held when it was to be armed or sent.
+    Expired,
+}
+
+/// One transition of one command.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CommandEvent {
+    /// The command.
+    pub command: CommandRecord,
+    /// When, on the ground.
+    pub time: Timestamp,
+    /// The new state.
+    pub state: CommandState,
+    /// Who asked for it, or `rover`, or `server`.
+    pub who: String,
+    /// Why, where there is something to say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub why: Option<String>,
+}
+
+/// A command as the ground knows it: the fold of its events.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CommandRecord {
+    /// Identity (UUID v7), given by the client or the server.
+    pub id: String,
+    /// What the rover is told.
+    pub body: CommandBody,
+    /// In words: `Lift leg 2`.
+    pub title: String,
+    /// The plan it belongs to.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plan: Option<PlanCommandRef>,
+    /// Present state.
+    pub state: CommandState,
+    /// Who staged it.
+    pub operator: String,
+    /// When it was staged.
+    pub staged: Timestamp,
+    /// Until when it may be sent, once armed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub armed_until: Option<Timestamp>,
+    /// When it was handed to the link.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sent: Option<Timestamp>,
+    /// When it reaches the rover at the earliest.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub arrives: Option<Timestamp>,
+    /// When the ground can know of it at the earliest.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub earliest_ack: Option<Timestamp>,
+    /// After this time without word it is overdue.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub overdue_after: Option<Timestamp>,
+    /// How long the motion takes as planned (s).
+    pub duration_s: f64,
+    /// Share done as last reported, 0 to 1.
+    pub progress: f64,
+    /// Why it failed or expired.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub why: Option<String>,
+}
+
+/// Which command of which plan.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlanCommandRef {
+    /// The plan.
+    pub plan_id: String,
+    /// Index into the plan's commands.
+    pub index: usize,
+}
+
+/// Delays of the link, changeable while it runs.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LinkConfig {
+    /// One-way delay of commands (s), 0 to 1800.
+    pub up_delay_s: f64,
+    /// One-way delay of telemetry (s), 0 to 1800.
+    pub down_delay_s: f64,
+}
+
+/// Counters of one direction; sent = delivered + dropped + in flight, always.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LinkCounters {
+    /// Messages handed to the link.
+    pub sent: u64,
+    /// Messages that arrived.
+    pub delivered: u64,
+    /// Messages dropped because the queue was full.
+    pub dropped: u64,
+    /// Messages under way.
+    pub in_flight: u64,
+}
+
+/// The link as it is.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LinkReport {
+    /// Its delays.
+    pub config: LinkConfig,
+    /// Commands.
+    pub up: LinkCounters,
+    /// Telemetry.
+    pub down: LinkCounters,
+    /// Is an E-stop in force as far as the ground knows?
+    pub estop: EstopState,
+}
+
+/// What the ground knows of the E-stop.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum EstopState {
+    /// Not in force.
+    #[default]
+    Clear,
+    /// Sent, not yet confirmed by the rover.
+    Sent,
+    /// The rover has confirmed it.
+    Confirmed,
+    /// A release is on its way.
+    ReleaseSent,
+}
+
+/// A new version of the map.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TerrainNotice {
+    /// Name of the version.
+    pub version: String,
+    /// Where it came from, in words.
+    pub source: String,
+    /// True if foot-scale detail was added by the generator.
+    pub synthetic_detail: bool,
+}
+
+/// State of long work.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum JobState {
+    /// Waits for a worker.
+    Queued,
+    /// Under way.
+    Running,
+    /// Ended with a result.
+    Done,
+    /// Ended with an error.
+    Failed,
+    /// Ended on request.
+    Cancelled,
+}
+
+/// Long work and how far it is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct JobReport {
+    /// Identity.
+    pub id: String,
+    /// What kind of work: `plan`, `import`, …
+    pub kind: String,
+    /// Its state.
+    pub state: JobState,
+    /// Share done, 0 to 1.
+    pub progress: f64,
+    /// What it is doing.
+    pub doing: String,
+    /// Where the result is, once done.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub result: Option<String>,
+    /// Why it failed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error: Option<crate::resources::ErrorInfo>,
+}
+
+/// Something that happened, for the record and the operator.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct EventNotice {
+    /// `info`, `caution`, `warning` or `critical`.
+    pub level: EventLevel,
+    /// What happened, in a sentence.
+    pub text: String,
+    /// Who did it, or `server`.
+    pub who: String,
+}
+
+/// How grave an event is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum EventLevel {
+    /// For the record.
+    Info,
+    /// Look at it.
+    Caution,
+    /// Act on it.
+    Warning,
+    /// Act now.
+    Critical,
+}
+
+/// Where a wheel would stand: used by settle reports and plans.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Footfall {
+    /// The point of ground under the wheel, in `world` (m).
+    pub ground_m: [f64; 3],
+    /// Unit normal of the ground there.
+    pub normal: [f64; 3],
+    /// Pose of the wheel.
+    pub wheel: Pose,
+}
