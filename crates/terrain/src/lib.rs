@@ -1,2 +1,24 @@
-//! Elevation map and its layers, traversability, file formats (bytes in, bytes out), synthetic
-//! terrain.
+//! Elevation map and its layers, traversability, file formats, synthetic terrain.
+//!
+//! Heights are in meters over a local, z-up `world` frame; they lie on the nodes of a
+//! [`geometry::Grid`], and NaN means unknown. Unknown stays unknown: nothing here fills a hole.
+//!
+//! - [`ElevationMap`]: an immutable map, cheap to clone, with where it came from;
+//! - [`traversability`]: where a foot of a given size can stand, after Morphin;
+//! - [`formats`]: GeoTIFF and OFF meshes, bytes in and bytes out;
+//! - [`synthetic`]: fractal ground with rocks and craters, from a recipe and a seed.
+//!
+//! No I/O, no clock; the only random numbers are ChaCha streams of a given seed.
+
+mod error;
+pub mod formats;
+mod map;
+mod plane;
+pub mod synthetic;
+pub mod traversability;
+
+pub use error::TerrainError;
+pub use map::{
+    ElevationMap, FootprintPlane, MAX_NODES, PLANE_HALF_EXTENT_M, PLANE_RESOLUTION_M, Source,
+    SourceKind,
+};

@@ -1,0 +1,2 @@
+//! Cells per second of traversability.
+fn main() {}

@@ -1,0 +1,254 @@
+//! Why a terrain operation refused its input. Always bad input, never a bug.
+
+/// Bad input to a terrain operation: which field, which value, what to do instead.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TerrainError {
+    /// A number that is not finite or lies outside what the field allows.
+    #[error("{field} is {value}: give {expected}")]
+    OutOfRange {
+        /// The field, with its unit in the name.
+        field: &'static str,
+        /// What was given.
+        value: f64,
+        /// What the field takes.
+        expected: &'static str,
+    },
+    /// A map with more nodes than allowed, refused before any memory is taken.
+    #[error(
+        "the map would have {n_nodes} nodes, more than the {max_nodes} allowed: \
+         crop it or use a coarser resolution"
+    )]
+    TooManyNodes {
+        /// Nodes the map would have.
+        n_nodes: u64,
+        /// Nodes allowed.
+        max_nodes: u64,
+    },
+    /// A map too small to hold a surface.
+    #[error("a map of {nx} x {ny} nodes holds no surface: give 2 x 2 nodes or more")]
+    TooFewNodes {
+        /// Nodes along x.
+        nx: usize,
+        /// Nodes along y.
+        ny: usize,
+    },
+    /// A crop that holds fewer than 2 x 2 nodes of the map.
+    #[error(
+        "the crop of {width_m} m around ({x_m}, {y_m}) m holds {nx} x {ny} nodes of the map: \
+         give a crop that holds 2 x 2 nodes or more"
+    )]
+    CropTooSmall {
+        /// Center x (m).
+        x_m: f64,
+        /// Center y (m).
+        y_m: f64,
+        /// Side of the square (m).
+        width_m: f64,
+        /// Nodes along x inside it.
+        nx: usize,
+        /// Nodes along y inside it.
+        ny: usize,
+    },
+    /// No node of the map has a height.
+    #[error("no node of the map has a known height: check the file's nodata value")]
+    NoKnownHeight,
+    /// A height no planet has, most likely a nodata value that the file does not declare.
+    #[error("a height of {z_m} m is out of range (1e7 m): declare the file's nodata value")]
+    HeightOutOfRange {
+        /// The height (m).
+        z_m: f64,
+    },
+    /// A file whose name ends in nothing we read.
+    #[error("terrain file {file_name:?} has no supported extension: use .tif, .tiff or .off")]
+    UnknownFormat {
+        /// The file's name as given.
+        file_name: String,
+    },
+    /// No recipe of that name.
+    #[error("there is no recipe {name:?}: use boulder_field, smooth_mare or rough_highlands")]
+    UnknownRecipe {
+        /// The name as given.
+        name: String,
+    },
+    /// A recipe that asks for more rocks or craters than can be placed.
+    #[error(
+        "the recipe asks for about {expected:.0} {what}, more than the {max} allowed: \
+         raise the smallest diameter or use a smaller map"
+    )]
+    TooManyFeatures {
+        /// Rocks or craters.
+        what: &'static str,
+        /// Expected number.
+        expected: f64,
+        /// Number allowed.
+        max: u64,
+    },
+
+    /// An OFF file that does not start as one.
+    #[error("off line {line}: expected `OFF` and the counts, found {found:?}")]
+    OffHeader {
+        /// Line number, from 1.
+        line: usize,
+        /// The text there.
+        found: String,
+    },
+    /// An OFF file that ends before its counts are used up.
+    #[error("off file ends after {found} of {expected} {what}: it is truncated")]
+    OffTruncated {
+        /// Vertices or faces.
+        what: &'static str,
+        /// As the header says.
+        expected: u64,
+        /// As many as the file holds, or could at most.
+        found: u64,
+    },
+    /// Text where a number belongs.
+    #[error("off line {line}: {found:?} is not {expected}")]
+    OffNumber {
+        /// Line number, from 1.
+        line: usize,
+        /// The text there.
+        found: String,
+        /// What belongs there.
+        expected: &'static str,
+    },
+    /// A vertex that is NaN or infinite.
+    #[error("off line {line}: a coordinate is {value}: leave out unknown vertices' faces instead")]
+    OffNotFinite {
+        /// Line number, from 1.
+        line: usize,
+        /// The value.
+        value: f64,
+    },
+    /// A face with a number of corners we do not read.
+    #[error("off line {line}: a face has {n_corners} corners: use triangles or quadrilaterals")]
+    OffFaceCorners {
+        /// Line number, from 1.
+        line: usize,
+        /// Number of corners.
+        n_corners: u64,
+    },
+    /// A face that uses a vertex that is not there.
+    #[error("off line {line}: vertex index {index} is out of range (0..{n_vertices})")]
+    OffIndex {
+        /// Line number, from 1.
+        line: usize,
+        /// The index.
+        index: u64,
+        /// Number of vertices.
+        n_vertices: usize,
+    },
+    /// A mesh whose vertices are not the nodes of a regular square grid, in rows or in columns.
+    #[error("off mesh is not a height field on a regular square grid: {reason}")]
+    OffNotAGrid {
+        /// What is wrong, with the vertex or count.
+        reason: String,
+    },
+    /// A square of the grid that no face covers although its four corners are known.
+    #[error(
+        "off mesh has a hole at square ({ix}, {iy}) between four known vertices, which an \
+         elevation map cannot hold: fill it, or drop all faces at one of its corners"
+    )]
+    OffHole {
+        /// Column of the square.
+        ix: usize,
+        /// Row of the square.
+        iy: usize,
+    },
+
+    /// A file that the TIFF decoder refuses: truncated, damaged, or with a compression unknown to it.
+    #[error("geotiff cannot be read: {reason}")]
+    TiffUnreadable {
+        /// The decoder's words.
+        reason: String,
+    },
+    /// A GeoTIFF with more than one band.
+    #[error("geotiff has {n_bands} bands: extract the height band into a file of its own")]
+    TiffBands {
+        /// Number of bands.
+        n_bands: u32,
+    },
+    /// A sample type we do not read as heights.
+    #[error(
+        "geotiff samples are {sample_type}: convert the heights to float32, float64 or int16 \
+         in meters"
+    )]
+    TiffSampleType {
+        /// The type, as `uint8`.
+        sample_type: String,
+    },
+    /// Coordinates that are not a map plane.
+    #[error("geotiff has {kind} coordinates: project it to a plane in meters")]
+    TiffNotProjected {
+        /// `geographic (degrees)` or `geocentric`.
+        kind: &'static str,
+    },
+    /// A unit other than the meter.
+    #[error("geotiff has {axis} unit code {code}: convert it to meters (9001)")]
+    TiffUnit {
+        /// `linear` or `vertical`.
+        axis: &'static str,
+        /// EPSG code of the unit.
+        code: u16,
+    },
+    /// No usable place on the map.
+    #[error("geotiff has no {tag}: georeference it (pixel scale and tie point)")]
+    TiffNoTransform {
+        /// What is missing.
+        tag: &'static str,
+    },
+    /// A transform with rotation or shear.
+    #[error("geotiff is rotated or sheared ({skew_x}, {skew_y}): warp it north-up")]
+    TiffRotated {
+        /// Shear of x with the row (m).
+        skew_x: f64,
+        /// Shear of y with the column (m).
+        skew_y: f64,
+    },
+    /// Pixels that are not square, or of no size.
+    #[error("geotiff pixels are {width_m} x {height_m} m: resample it to square pixels, north up")]
+    TiffPixelSize {
+        /// Along x (m).
+        width_m: f64,
+        /// Along y (m).
+        height_m: f64,
+    },
+    /// A band with a scale or an offset to apply.
+    #[error("geotiff band has {what} {value:?}: apply it and store plain meters")]
+    TiffScaled {
+        /// `scale` or `offset`.
+        what: &'static str,
+        /// The text of the tag.
+        value: String,
+    },
+    /// Layers that cannot be written as one file.
+    #[error("geotiff cannot be written: {reason}")]
+    TiffWrite {
+        /// Why.
+        reason: String,
+    },
+}
+
+impl TerrainError {
+    /// `value` if it is finite and within `[min, max]`.
+    pub(crate) fn check(
+        field: &'static str,
+        value: f64,
+        [min, max]: [f64; 2],
+        expected: &'static str,
+    ) -> Result<f64, TerrainError> {
+        if value.is_finite() && value >= min && value <= max {
+            return Ok(value);
+        }
+        Err(TerrainError::OutOfRange { field, value, expected })
+    }
+
+    /// `Ok` if a map of `n_nodes` may be made.
+    pub(crate) fn check_nodes(n_nodes: f64, max_nodes: usize) -> Result<(), TerrainError> {
+        if n_nodes <= max_nodes as f64 {
+            return Ok(());
+        }
+        Err(TerrainError::TooManyNodes { n_nodes: n_nodes as u64, max_nodes: max_nodes as u64 })
+    }
+}
