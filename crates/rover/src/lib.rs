@@ -1,0 +1,30 @@
+//! The robot: model from URDF and `robot.toml`, kinematics, mass, torques, shapes.
+//!
+//! Everything is derived from one model, and the legs' inverse kinematics is found from the joint
+//! axes, never from the robot's name. Frames: `world` with z up; the base link x forward, y left,
+//! z up (REP 103). Meters, kilograms, radians, newtons. No I/O: who loads a folder hands the text
+//! of its files to [`Robot::from_folder`].
+//!
+//! - [`Robot`]: links, joints, [`Leg`]s, tolerances, poses ([`Robot::scaled`],
+//!   [`Robot::with_payloads`]).
+//! - [`Configuration`]: base pose and joint angles; [`Posture`]: where every link then is.
+//! - [`LegIk`]: all branches of a leg that ends in a spherical wrist, in closed form.
+//! - [`WheelPose`]: where a wheel is and where it touches.
+
+mod config;
+mod ik;
+mod model;
+mod posture;
+mod shape;
+mod statics;
+mod urdf;
+mod wheel;
+
+pub use config::{MotionLimits, StanceRules, Tolerances};
+pub use ik::{Branch, IkSolution, LegIk, Unreachable};
+pub use model::{Joint, JointKind, Leg, LegId, Link, LinkId, ModelError, Payload, Robot};
+pub use posture::{Configuration, LegAngles, Posture};
+pub use shape::{LinkShape, Shape};
+pub use statics::{Wrench, hold_torques};
+pub use urdf::MAX_LINKS;
+pub use wheel::{Wheel, WheelPose};
