@@ -1,0 +1,36 @@
+//! Regular and conservative polygon of 6 contacts.
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use nalgebra::Point3;
+use stability::{loads, settlement, support_polygon};
+
+/// Six contacts near the corners of a hexagon of 2.2 m radius, on uneven ground.
+fn contacts() -> Vec<Point3<f64>> {
+    (0..6_u32)
+        .map(|i| {
+            let yaw = std::f64::consts::TAU * f64::from(i) / 6.0 + 0.05 * f64::from(i % 2);
+            let radius = 2.2 + 0.1 * f64::from(i % 3);
+            Point3::new(radius * yaw.cos(), radius * yaw.sin(), 0.1 * f64::from(i % 4))
+        })
+        .collect()
+}
+
+fn benches(c: &mut Criterion) {
+    let contacts = contacts();
+    let com = Point3::new(0.1, -0.05, 1.2);
+    c.bench_function("stability/regular polygon of 6 contacts", |b| {
+        b.iter(|| support_polygon::regular(&contacts));
+    });
+    c.bench_function("stability/regular + conservative polygon of 6 contacts", |b| {
+        b.iter(|| (support_polygon::regular(&contacts), support_polygon::conservative(&contacts)));
+    });
+    c.bench_function("stability/worst settlement of 6 contacts", |b| {
+        b.iter(|| settlement::worst(&contacts, &com, 0.1));
+    });
+    c.bench_function("stability/spring loads of 6 contacts", |b| {
+        b.iter(|| loads::spring_share(&contacts, &com, 1000.0));
+    });
+}
+
+criterion_group!(polygons, benches);
+criterion_main!(polygons);

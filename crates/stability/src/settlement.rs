@@ -1,0 +1,119 @@
+//! What is left of the margin when the ground gives way under one foot.
+//!
+//! The margin rule of a step asks, beside the regular margin, that the rover survives a settlement
+//! of any one standing foot by a stated depth s ("Margin rule of a step" in the design; H5, F83).
+//! The rover is rigid here. When foot k sinks, one of two things happens:
+//!
+//! - the center of mass lies over the hull of the other feet: they carry it, nothing tips, and
+//!   what is left is the depth in that hull;
+//! - else the rover tips about the line through two of the other feet, a and b, until foot k has
+//!   gone down by s and carries again; what is left is the depth of the center of mass, which has
+//!   moved with the rover, in the triangle of a, b and the sunk foot.
+//!
+//! The line is that edge of the others' hull with the center of mass outside of it whose triangle
+//! with foot k holds it: all other feet rise on their side of that line. Everything is in the
+//! gravity frame `g` (z up), in meters. The turn is exact, not for small angles, and the line may
+//! slope. What the other feet would touch while they rise does not enter.
+
+use geometry::ConvexPolygon;
+use nalgebra::{Point2, Point3, Rotation3, Unit};
+
+use crate::support_polygon::regular;
+
+/// The foot whose settlement is worst, and what is left then.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settlement {
+    /// Index of the contact that settles.
+    pub contact: usize,
+    /// Depth of the center of mass in the polygon that then carries it (m); negative if the rover
+    /// tips over, negative infinity if no polygon is left.
+    pub margin_m: f64,
+}
+
+/// The worst of the settlements of any one contact by `settlement_m` (m).
+///
+/// `None` if the contacts enclose no support polygon, or `settlement_m` or the center of mass is
+/// not a number; a negative settlement counts as none.
+pub fn worst(
+    contacts_in_g: &[Point3<f64>],
+    com_in_g: &Point3<f64>,
+    settlement_m: f64,
+) -> Option<Settlement> {
+    regular(contacts_in_g).ok()?;
+    if !settlement_m.is_finite() || !com_in_g.coords.iter().all(|v| v.is_finite()) {
+        return None;
+    }
+    (0..contacts_in_g.len())
+        .map(|contact| Settlement {
+            contact,
+            margin_m: of_contact(contacts_in_g, contact, com_in_g, settlement_m.max(0.0)),
+        })
+        .min_by(|a, b| a.margin_m.total_cmp(&b.margin_m))
+}
+
+/// The margin (m) that is left when one contact settles by `settlement_m` (m, not negative).
+///
+/// The contacts must enclose a support polygon; see [`worst`].
+fn of_contact(
+    contacts_in_g: &[Point3<f64>],
+    settling: usize,
+    com_in_g: &Point3<f64>,
+    settlement_m: f64,
+) -> f64 {
+    let others: Vec<Point3<f64>> =
+        contacts_in_g.iter().enumerate().filter(|(i, _)| *i != settling).map(|(_, p)| *p).collect();
+    let foot = &contacts_in_g[settling];
+    let com = com_in_g.xy();
+    let Ok(hull) = regular(&others) else {
+        // Two other feet, or all on one line: the rover tips about the line through the outermost.
+        let (a, b) = outermost(&others);
+        return tipped_margin([a, b], foot, com_in_g, settlement_m);
+    };
+    if hull.depth_of(com) >= 0.0 {
+        return hull.depth_of(com);
+    }
+    hull.edges()
+        .filter(|(a, b)| (b - a).perp(&(com - a)) < 0.0)
+        .map(|(a, b)| {
+            let line = [contact_at(&others, a), contact_at(&others, b)];
+            tipped_margin(line, foot, com_in_g, settlement_m)
+        })
+        .fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// The margin (m) after the rover has turned about the line through `line` until `foot` has gone
+/// down by `settlement_m` (m).
+fn tipped_margin(
+    line: [Point3<f64>; 2],
+    foot: &Point3<f64>,
+    com: &Point3<f64>,
+    settlement_m: f64,
+) -> f64 {
+    let Some(axis) = Unit::try_new(line[1] - line[0], 1e-9) else { return f64::NEG_INFINITY };
+    let arm = foot - line[0];
+    let radial = arm - axis.into_inner() * axis.dot(&arm);
+    let tangent = axis.cross(&radial);
+    // Height over the line of the foot after a turn by t: radial.z cos t + tangent.z sin t, that
+    // is, swing cos(t - top). The foot is lowered past t = 0 away from the top of its circle.
+    let swing = radial.z.hypot(tangent.z);
+    let top = tangent.z.atan2(radial.z);
+    let lowered = ((radial.z - settlement_m) / swing).clamp(-1.0, 1.0).acos();
+    let turn = Rotation3::from_axis_angle(&axis, top - lowered.copysign(top));
+    let moved = |p: &Point3<f64>| line[0] + turn * (p - line[0]);
+    let triangle = vec![line[0].xy(), line[1].xy(), moved(foot).xy()];
+    ConvexPolygon::hull(triangle)
+        .map_or(f64::NEG_INFINITY, |triangle| triangle.depth_of(moved(com).xy()))
+}
+
+/// The contact seen at `vertex`; of two above each other the first.
+fn contact_at(contacts: &[Point3<f64>], vertex: Point2<f64>) -> Point3<f64> {
+    *contacts.iter().find(|c| c.xy() == vertex).expect("vertices of a hull are contacts")
+}
+
+/// The two contacts furthest apart seen along gravity.
+fn outermost(contacts: &[Point3<f64>]) -> (Point3<f64>, Point3<f64>) {
+    let order = |p: &&Point3<f64>, q: &&Point3<f64>| p.x.total_cmp(&q.x).then(p.y.total_cmp(&q.y));
+    let first = contacts.iter().min_by(order).expect("two or more other feet");
+    let last = contacts.iter().max_by(order).expect("two or more other feet");
+    (*first, *last)
+}

@@ -1,0 +1,1 @@
+//! Stability against closed forms, independent oracles and degenerate input.
