@@ -1,0 +1,196 @@
+//! The life of a command, and the E-stop.
+//!
+//! ```text
+//! staged ⇄ armed ──▶ sent ──▶ received ──▶ executing ──▶ done | failed | aborted
+//!    └──────┴─▶ cancelled | expired     └──── overdue ◀──┘ (a late word takes it further)
+//! ```
+//!
+//! Every transition is a [`CommandEvent`](wire::live::CommandEvent) that carries the whole record:
+//! the state of a [`CommandBook`] is a fold of its events. Nothing is ever sent again by itself.
+
+mod book;
+mod estop;
+
+use std::collections::BTreeMap;
+
+use wire::live::{CommandBody, CommandState, PlanCommandRef};
+use wire::time::Timestamp;
+
+pub use book::CommandBook;
+pub use estop::{Estop, EstopError, RELEASE_WINDOW_S};
+
+/// How long an armed command may be sent (s).
+pub const ARM_WINDOW_S: f64 = 30.0;
+/// A command without a word this long (s) after the earliest possible one is overdue.
+pub const ACK_SLACK_S: f64 = 2.0;
+/// A motion may take this many times as long as planned, plus [`MOTION_SLACK_S`].
+pub const MOTION_STRETCH: f64 = 1.5;
+/// See [`MOTION_STRETCH`] (s). Each telemetry frame that shows the motion grants as much again.
+pub const MOTION_SLACK_S: f64 = 5.0;
+/// Most commands kept in memory; the oldest ended ones give way, and remain in the log.
+pub const MAX_COMMANDS: usize = 1000;
+
+/// What it takes to stage a command.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StageCommand {
+    /// Identity (UUID) given by the client; a new one where absent.
+    pub id: Option<String>,
+    /// Who stages it.
+    pub operator: String,
+    /// In words: `Lift leg 2`.
+    pub title: String,
+    /// What the rover is told.
+    pub body: CommandBody,
+    /// The plan it belongs to.
+    pub plan: Option<PlanCommandRef>,
+    /// How long the motion takes as planned (s).
+    pub duration_s: f64,
+    /// Where the legs were when it was checked: leg to joint angles (rad).
+    pub basis_joints_rad: BTreeMap<String, Vec<f64>>,
+    /// Largest deviation from that (rad).
+    pub basis_tolerance_rad: f64,
+}
+
+/// The light times that a command is sent under (s).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LightTimes {
+    /// One way up (s).
+    pub up_s: f64,
+    /// One way down (s).
+    pub down_s: f64,
+}
+
+/// Why a command operation was refused. Nothing has changed then.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum CommandError {
+    /// No such command in memory.
+    #[error("there is no command {id}; it never was, or has ended and is in the flight log only")]
+    Unknown {
+        /// The command.
+        id: String,
+    },
+    /// Sending takes an armed command.
+    #[error("command {id} is {state:?}, not armed; arm it first")]
+    NotArmed {
+        /// The command.
+        id: String,
+        /// Its state.
+        state: CommandState,
+    },
+    /// Arming takes a staged command.
+    #[error("command {id} is {state:?}; only a staged command can be armed")]
+    NotStaged {
+        /// The command.
+        id: String,
+        /// Its state.
+        state: CommandState,
+    },
+    /// The window to send it has passed.
+    #[error("command {id} was armed until {until:?} and is staged again; arm it once more")]
+    ArmExpired {
+        /// The command.
+        id: String,
+        /// End of the window.
+        until: Timestamp,
+    },
+    /// Another command is armed.
+    #[error("command {armed} is armed; send or cancel it before {id} is armed")]
+    OtherArmed {
+        /// The command to be armed.
+        id: String,
+        /// The armed one.
+        armed: String,
+    },
+    /// Not the next of its plan.
+    #[error(
+        "command {id} is number {index} of its plan, and the next is {next}; a plan's commands go in order, each after the one before is done"
+    )]
+    Order {
+        /// The command.
+        id: String,
+        /// Its index in the plan.
+        index: usize,
+        /// The index that is next.
+        next: usize,
+    },
+    /// No command goes up while an E-stop is in force.
+    #[error("an E-stop is in force; release it first")]
+    EstopInForce,
+    /// The command has ended, or is beyond recall.
+    #[error("command {id} is {state:?}, which can no longer be changed")]
+    AlreadyTerminal {
+        /// The command.
+        id: String,
+        /// Its state.
+        state: CommandState,
+    },
+    /// The identity belongs to another command.
+    #[error("command {id} was staged with another content; use a new id")]
+    IdReused {
+        /// The identity.
+        id: String,
+    },
+    /// Not a UUID.
+    #[error("{id:?} is not a UUID")]
+    IdInvalid {
+        /// The beginning of what was given.
+        id: String,
+    },
+    /// A duration that is none.
+    #[error("duration_s is {duration_s}; it takes a finite value from 0 to 86400")]
+    DurationInvalid {
+        /// The value (s).
+        duration_s: f64,
+    },
+    /// No room in memory or on the link.
+    #[error("{what} full: wait until commands have ended, or cancel some")]
+    QueueFull {
+        /// What is full.
+        what: &'static str,
+    },
+    /// The flight log cannot be written, so nothing may be sent.
+    #[error("the flight log cannot be written ({reason}); no command is taken until it can")]
+    LogUnavailable {
+        /// Why.
+        reason: String,
+    },
+}
+
+impl CommandError {
+    /// A stable word for programs.
+    pub fn code(&self) -> &'static str {
+        match self {
+            CommandError::Unknown { .. } => "command_unknown",
+            CommandError::NotArmed { .. } => "not_armed",
+            CommandError::NotStaged { .. } => "not_staged",
+            CommandError::ArmExpired { .. } => "arm_expired",
+            CommandError::OtherArmed { .. } => "other_armed",
+            CommandError::Order { .. } => "order",
+            CommandError::EstopInForce => "estop_in_force",
+            CommandError::AlreadyTerminal { .. } => "already_terminal",
+            CommandError::IdReused { .. } => "id_reused",
+            CommandError::IdInvalid { .. } => "id_invalid",
+            CommandError::DurationInvalid { .. } => "duration_invalid",
+            CommandError::QueueFull { .. } => "queue_full",
+            CommandError::LogUnavailable { .. } => "log_unavailable",
+        }
+    }
+}
+
+/// True for the states that a command never leaves.
+pub fn is_terminal(state: CommandState) -> bool {
+    use CommandState::{Aborted, Cancelled, Done, Expired, Failed};
+    matches!(state, Done | Failed | Aborted | Cancelled | Expired)
+}
+
+/// True from the moment a command is handed to the link until it has ended.
+pub fn is_outstanding(state: CommandState) -> bool {
+    use CommandState::{Executing, Overdue, Received, Sent};
+    matches!(state, Sent | Received | Executing | Overdue)
+}
+
+/// A new identity (UUID v7) of the given time.
+pub(crate) fn new_id(now: Timestamp) -> String {
+    let (seconds, nanos) = (now.0 / 1_000_000_000, (now.0 % 1_000_000_000) as u32);
+    uuid::Uuid::new_v7(uuid::Timestamp::from_unix(uuid::NoContext, seconds, nanos)).to_string()
+}

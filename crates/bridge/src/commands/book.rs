@@ -1,0 +1,466 @@
+//! The commands in memory and the rules of their transitions.
+
+use std::collections::{BTreeMap, HashMap, VecDeque};
+
+use wire::live::{
+    AckStage, CommandEvent, CommandRecord, CommandState, Executing, PlanCommandRef, Uplink,
+};
+use wire::time::Timestamp;
+
+use super::{
+    ACK_SLACK_S, ARM_WINDOW_S, CommandError, LightTimes, MAX_COMMANDS, MOTION_SLACK_S,
+    MOTION_STRETCH, StageCommand, is_outstanding, is_terminal, new_id,
+};
+
+/// Who is named where no operator asked.
+const ROVER: &str = "rover";
+const SERVER: &str = "server";
+/// A reported progress is an event when it has grown by this much.
+const PROGRESS_STEP: f64 = 0.05;
+const MAX_DURATION_S: f64 = 86_400.0;
+
+/// The life cycle of all commands of one rover.
+#[derive(Debug, Default)]
+pub struct CommandBook {
+    /// By order of staging.
+    entries: BTreeMap<u64, Entry>,
+    order_of: HashMap<String, u64>,
+    next_order: u64,
+    plans: PlanOrder,
+    events: Vec<CommandEvent>,
+}
+
+#[derive(Debug)]
+struct Entry {
+    record: CommandRecord,
+    basis_joints_rad: BTreeMap<String, Vec<f64>>,
+    basis_tolerance_rad: f64,
+    /// As `record.overdue_after`, and later where telemetry has granted more.
+    deadline: Option<Timestamp>,
+}
+
+impl CommandBook {
+    /// Stages a command. The same id with the same content gives the command as it is now.
+    pub fn stage(
+        &mut self,
+        now: Timestamp,
+        command: StageCommand,
+    ) -> Result<CommandRecord, CommandError> {
+        let id = match &command.id {
+            Some(given) => canonical_id(given)?,
+            None => new_id(now),
+        };
+        if let Some(known) = self.get(&id) {
+            let same = known.body == command.body && known.plan == command.plan;
+            return if same { Ok(known.clone()) } else { Err(CommandError::IdReused { id }) };
+        }
+        let duration_s = command.duration_s;
+        if !(0.0..=MAX_DURATION_S).contains(&duration_s) {
+            return Err(CommandError::DurationInvalid { duration_s });
+        }
+        self.make_room()?;
+        let record = CommandRecord {
+            id: id.clone(),
+            body: command.body,
+            title: command.title,
+            plan: command.plan,
+            state: CommandState::Staged,
+            operator: command.operator.clone(),
+            staged: now,
+            armed_until: None,
+            sent: None,
+            arrives: None,
+            earliest_ack: None,
+            overdue_after: None,
+            duration_s,
+            progress: 0.0,
+            why: None,
+        };
+        let entry = Entry {
+            record: record.clone(),
+            basis_joints_rad: command.basis_joints_rad,
+            basis_tolerance_rad: command.basis_tolerance_rad,
+            deadline: None,
+        };
+        self.entries.insert(self.next_order, entry);
+        self.order_of.insert(id, self.next_order);
+        self.next_order += 1;
+        self.events.push(event(now, &record, &command.operator, None));
+        Ok(record)
+    }
+
+    /// Arms a staged command for [`ARM_WINDOW_S`]. One command at a time, and the next of its plan
+    /// only.
+    pub fn arm(
+        &mut self,
+        now: Timestamp,
+        id: &str,
+        who: &str,
+    ) -> Result<CommandRecord, CommandError> {
+        self.tick(now);
+        let record = self.known(id)?;
+        if record.state == CommandState::Armed {
+            return Ok(record.clone());
+        }
+        if record.state != CommandState::Staged {
+            return Err(CommandError::NotStaged { id: id.into(), state: record.state });
+        }
+        if let Some(plan) = &record.plan {
+            let next = self.plans.next_of(plan);
+            if plan.index != next {
+                return Err(CommandError::Order { id: id.into(), index: plan.index, next });
+            }
+        }
+        if let Some(armed) = self.armed() {
+            return Err(CommandError::OtherArmed { id: id.into(), armed: armed.id.clone() });
+        }
+        self.transition(now, id, who, None, |entry| {
+            entry.record.state = CommandState::Armed;
+            entry.record.armed_until = Some(now.plus_seconds(ARM_WINDOW_S));
+        })
+    }
+
+    /// Sends an armed command: gives what is to be handed to the link.
+    pub fn send(
+        &mut self,
+        now: Timestamp,
+        id: &str,
+        who: &str,
+        light: LightTimes,
+    ) -> Result<(CommandRecord, Uplink), CommandError> {
+        let record = self.known(id)?;
+        if record.state != CommandState::Armed {
+            return Err(CommandError::NotArmed { id: id.into(), state: record.state });
+        }
+        let until = record.armed_until.unwrap_or(now);
+        if now > until {
+            self.tick(now);
+            return Err(CommandError::ArmExpired { id: id.into(), until });
+        }
+        let record = self.transition(now, id, who, None, |entry| {
+            let arrives = now.plus_seconds(light.up_s);
+            let earliest_ack = arrives.plus_seconds(light.down_s);
+            entry.record.state = CommandState::Sent;
+            entry.record.armed_until = None;
+            entry.record.sent = Some(now);
+            entry.record.arrives = Some(arrives);
+            entry.record.earliest_ack = Some(earliest_ack);
+            entry.expect_word_by(earliest_ack.plus_seconds(ACK_SLACK_S));
+        })?;
+        let entry = &self.entries[&self.order_of[id]];
+        let uplink = Uplink::Command {
+            id: id.into(),
+            body: record.body.clone(),
+            basis_joints_rad: entry.basis_joints_rad.clone(),
+            basis_tolerance_rad: entry.basis_tolerance_rad,
+        };
+        Ok((record, uplink))
+    }
+
+    /// Takes a command back that was not sent yet.
+    pub fn cancel(
+        &mut self,
+        now: Timestamp,
+        id: &str,
+        who: &str,
+    ) -> Result<CommandRecord, CommandError> {
+        self.end_unsent(now, id, who, None, CommandState::Cancelled)
+    }
+
+    /// Ends a command that was not sent yet because its basis no longer holds.
+    pub fn expire(
+        &mut self,
+        now: Timestamp,
+        id: &str,
+        why: &str,
+    ) -> Result<CommandRecord, CommandError> {
+        self.end_unsent(now, id, SERVER, Some(why), CommandState::Expired)
+    }
+
+    /// Ends a sent command that never came to the link after all.
+    pub fn withdraw(&mut self, now: Timestamp, id: &str, state: CommandState, why: &str) {
+        if self.get(id).is_some_and(|r| r.state == CommandState::Sent) {
+            self.end(now, id, SERVER, state, Some(why));
+        }
+    }
+
+    /// The rover's word on a command. Words on unknown or ended commands change nothing; false then.
+    pub fn acknowledge(
+        &mut self,
+        now: Timestamp,
+        id: &str,
+        stage: AckStage,
+        detail: Option<&str>,
+    ) -> bool {
+        let Some(record) = self.get(id) else { return false };
+        if !is_outstanding(record.state) {
+            return false;
+        }
+        let state = record.state;
+        match stage {
+            AckStage::Received if matches!(state, CommandState::Sent | CommandState::Overdue) => {
+                self.move_on(now, id, CommandState::Received, detail);
+            }
+            AckStage::Received => return false,
+            AckStage::Started if state == CommandState::Executing => return false,
+            AckStage::Started => self.move_on(now, id, CommandState::Executing, detail),
+            AckStage::Completed => self.end(now, id, ROVER, CommandState::Done, detail),
+            AckStage::Rejected | AckStage::Failed => {
+                self.end(now, id, ROVER, CommandState::Failed, detail);
+            }
+            AckStage::Aborted => self.end(now, id, ROVER, CommandState::Aborted, detail),
+        }
+        true
+    }
+
+    /// Telemetry shows a command under way: a word, too.
+    pub fn progress(&mut self, now: Timestamp, executing: &Executing) {
+        let Some(entry) = self.entry_mut(&executing.command_id) else { return };
+        let state = entry.record.state;
+        if !is_outstanding(state) {
+            return;
+        }
+        let granted = now.plus_seconds(MOTION_SLACK_S);
+        entry.deadline = entry.deadline.max(Some(granted));
+        let progress = executing.progress.clamp(0.0, 1.0);
+        let grown = progress >= entry.record.progress + PROGRESS_STEP;
+        if state == CommandState::Executing && !grown {
+            return;
+        }
+        if state != CommandState::Executing {
+            self.move_on(now, &executing.command_id, CommandState::Executing, None);
+        }
+        if grown {
+            // The command is known: it was found above.
+            let _ = self.transition(now, &executing.command_id, ROVER, None, |entry| {
+                entry.record.progress = progress;
+                entry.record.overdue_after = entry.deadline;
+            });
+        }
+    }
+
+    /// What time brings: armed commands lapse, silent ones are overdue.
+    pub fn tick(&mut self, now: Timestamp) {
+        let lapsed: Vec<String> = self.ids(|e| {
+            e.record.state == CommandState::Armed && e.record.armed_until.is_some_and(|t| now > t)
+        });
+        for id in lapsed {
+            self.disarm(now, &id, SERVER, "was not sent within 30 s");
+        }
+        let overdue = self.ids(|e| {
+            let waits = is_outstanding(e.record.state) && e.record.state != CommandState::Overdue;
+            waits && e.deadline.is_some_and(|t| now > t)
+        });
+        for id in overdue {
+            let why = "no word from the rover when there should have been one; outcome unknown";
+            let _ = self.transition(now, &id, SERVER, Some(why), |entry| {
+                entry.record.state = CommandState::Overdue;
+                entry.record.why = Some(why.into());
+            });
+        }
+    }
+
+    /// When [`CommandBook::tick`] has something to do next.
+    pub fn next_deadline(&self) -> Option<Timestamp> {
+        let waits = |e: &Entry| match e.record.state {
+            CommandState::Armed => e.record.armed_until,
+            CommandState::Overdue => None,
+            state if is_outstanding(state) => e.deadline,
+            _ => None,
+        };
+        self.entries.values().filter_map(waits).min()
+    }
+
+    /// The delay down has grown by `seconds` (s): words on sent commands may take that much longer.
+    pub fn allow_longer(&mut self, now: Timestamp, who: &str, seconds: f64) {
+        for id in self.ids(|e| is_outstanding(e.record.state)) {
+            let why = format!("the delay of telemetry has grown by {seconds} s");
+            let _ = self.transition(now, &id, who, Some(&why), |entry| {
+                if let Some(ack) =
+                    entry.record.earliest_ack.filter(|_| Some(now) < entry.record.arrives)
+                {
+                    entry.record.earliest_ack = Some(ack.plus_seconds(seconds));
+                }
+                if let Some(deadline) = entry.deadline {
+                    entry.expect_word_by(deadline.plus_seconds(seconds));
+                }
+            });
+        }
+    }
+
+    /// Takes every armed command back to staged.
+    pub fn disarm_all(&mut self, now: Timestamp, who: &str, why: &str) {
+        for id in self.ids(|e| e.record.state == CommandState::Armed) {
+            self.disarm(now, &id, who, why);
+        }
+    }
+
+    /// A command.
+    pub fn get(&self, id: &str) -> Option<&CommandRecord> {
+        Some(&self.entries.get(self.order_of.get(id)?)?.record)
+    }
+
+    /// All commands in memory in the order of staging.
+    pub fn records(&self) -> impl Iterator<Item = &CommandRecord> {
+        self.entries.values().map(|e| &e.record)
+    }
+
+    /// The armed command.
+    pub fn armed(&self) -> Option<&CommandRecord> {
+        self.records().find(|r| r.state == CommandState::Armed)
+    }
+
+    /// The events since the last call, in order.
+    pub fn take_events(&mut self) -> Vec<CommandEvent> {
+        std::mem::take(&mut self.events)
+    }
+
+    fn known(&self, id: &str) -> Result<&CommandRecord, CommandError> {
+        self.get(id).ok_or_else(|| CommandError::Unknown { id: id.chars().take(64).collect() })
+    }
+
+    fn entry_mut(&mut self, id: &str) -> Option<&mut Entry> {
+        self.entries.get_mut(self.order_of.get(id)?)
+    }
+
+    fn ids(&self, which: impl Fn(&Entry) -> bool) -> Vec<String> {
+        self.entries.values().filter(|e| which(e)).map(|e| e.record.id.clone()).collect()
+    }
+
+    /// The one place where a record changes: change and event are inseparable.
+    fn transition(
+        &mut self,
+        now: Timestamp,
+        id: &str,
+        who: &str,
+        why: Option<&str>,
+        change: impl FnOnce(&mut Entry),
+    ) -> Result<CommandRecord, CommandError> {
+        let unknown = || CommandError::Unknown { id: id.chars().take(64).collect() };
+        let entry = self.entry_mut(id).ok_or_else(unknown)?;
+        debug_assert!(!is_terminal(entry.record.state), "an ended command changes no more");
+        change(entry);
+        let record = entry.record.clone();
+        self.events.push(event(now, &record, who, why));
+        Ok(record)
+    }
+
+    fn move_on(&mut self, now: Timestamp, id: &str, state: CommandState, detail: Option<&str>) {
+        let _ = self.transition(now, id, ROVER, detail, |entry| {
+            entry.record.state = state;
+            entry.record.why = None;
+            let motion_s = entry.record.duration_s * MOTION_STRETCH + MOTION_SLACK_S;
+            let from = entry.record.earliest_ack.map_or(now, |ack| ack.max(now));
+            let by = from.plus_seconds(motion_s);
+            entry.expect_word_by(entry.deadline.map_or(by, |deadline| deadline.max(by)));
+        });
+    }
+
+    fn end(&mut self, now: Timestamp, id: &str, who: &str, state: CommandState, why: Option<&str>) {
+        let ended = self.transition(now, id, who, why, |entry| {
+            entry.record.state = state;
+            entry.record.armed_until = None;
+            entry.record.why =
+                if state == CommandState::Done { None } else { why.map(String::from) };
+            if state == CommandState::Done {
+                entry.record.progress = 1.0;
+            }
+        });
+        if let (CommandState::Done, Ok(CommandRecord { plan: Some(plan), .. })) = (state, ended) {
+            self.plans.done(&plan);
+        }
+    }
+
+    fn end_unsent(
+        &mut self,
+        now: Timestamp,
+        id: &str,
+        who: &str,
+        why: Option<&str>,
+        state: CommandState,
+    ) -> Result<CommandRecord, CommandError> {
+        let record = self.known(id)?;
+        match record.state {
+            CommandState::Staged | CommandState::Armed => {
+                self.end(now, id, who, state, why);
+                self.known(id).cloned()
+            }
+            same if same == state => Ok(record.clone()),
+            state => Err(CommandError::AlreadyTerminal { id: id.into(), state }),
+        }
+    }
+
+    fn disarm(&mut self, now: Timestamp, id: &str, who: &str, why: &str) {
+        let _ = self.transition(now, id, who, Some(why), |entry| {
+            entry.record.state = CommandState::Staged;
+            entry.record.armed_until = None;
+        });
+    }
+
+    fn make_room(&mut self) -> Result<(), CommandError> {
+        if self.entries.len() < MAX_COMMANDS {
+            return Ok(());
+        }
+        let oldest = |which: fn(CommandState) -> bool| {
+            self.entries.iter().find(|(_, e)| which(e.record.state)).map(|(&order, _)| order)
+        };
+        let evicted = oldest(is_terminal)
+            .or_else(|| oldest(|s| s == CommandState::Overdue))
+            .ok_or(CommandError::QueueFull { what: "the list of commands is" })?;
+        if let Some(entry) = self.entries.remove(&evicted) {
+            self.order_of.remove(&entry.record.id);
+        }
+        Ok(())
+    }
+}
+
+impl Entry {
+    fn expect_word_by(&mut self, deadline: Timestamp) {
+        self.deadline = Some(deadline);
+        self.record.overdue_after = Some(deadline);
+    }
+}
+
+/// How far each plan has come: the index of its next command. The newest plans are kept.
+#[derive(Debug, Default)]
+struct PlanOrder {
+    next: HashMap<String, usize>,
+    begun: VecDeque<String>,
+}
+
+impl PlanOrder {
+    fn next_of(&self, plan: &PlanCommandRef) -> usize {
+        self.next.get(&plan.plan_id).copied().unwrap_or(0)
+    }
+
+    fn done(&mut self, plan: &PlanCommandRef) {
+        if plan.index != self.next_of(plan) {
+            return;
+        }
+        if self.next.insert(plan.plan_id.clone(), plan.index + 1).is_none() {
+            self.begun.push_back(plan.plan_id.clone());
+        }
+        if self.begun.len() > MAX_COMMANDS
+            && let Some(oldest) = self.begun.pop_front()
+        {
+            self.next.remove(&oldest);
+        }
+    }
+}
+
+fn event(now: Timestamp, record: &CommandRecord, who: &str, why: Option<&str>) -> CommandEvent {
+    CommandEvent {
+        command: record.clone(),
+        time: now,
+        state: record.state,
+        who: who.into(),
+        why: why.map(String::from),
+    }
+}
+
+fn canonical_id(given: &str) -> Result<String, CommandError> {
+    match uuid::Uuid::try_parse(given) {
+        Ok(id) => Ok(id.to_string()),
+        Err(_) => Err(CommandError::IdInvalid { id: given.chars().take(64).collect() }),
+    }
+}

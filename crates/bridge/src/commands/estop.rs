@@ -1,0 +1,174 @@
+//! The E-stop as the ground knows it, and its release in two steps.
+
+use wire::live::{AckStage, EstopState, RoverMode};
+use wire::time::Timestamp;
+
+use super::new_id;
+
+/// How long the token of a release is valid (s).
+pub const RELEASE_WINDOW_S: f64 = 10.0;
+
+/// Why a release was refused. The E-stop stays in force.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum EstopError {
+    /// Nothing to release.
+    #[error("no E-stop is in force")]
+    NotInForce,
+    /// Wrong token, or none was given out.
+    #[error("this is not the token of the first step; ask for a release without a token")]
+    TokenUnknown,
+    /// The second step came too late.
+    #[error("the token was valid for 10 s; ask for a release without a token again")]
+    TokenExpired,
+    /// The link took the release no more.
+    #[error("the link is full; ask again")]
+    QueueFull,
+}
+
+impl EstopError {
+    /// A stable word for programs.
+    pub fn code(self) -> &'static str {
+        match self {
+            EstopError::NotInForce => "estop_not_in_force",
+            EstopError::TokenUnknown => "token_unknown",
+            EstopError::TokenExpired => "token_expired",
+            EstopError::QueueFull => "queue_full",
+        }
+    }
+}
+
+/// State machine `clear → sent → confirmed → release_sent → clear`; a new E-stop is taken in every
+/// state.
+#[derive(Debug, Default)]
+pub struct Estop {
+    state: EstopState,
+    /// The E-stops sent since the state was last clear, newest last.
+    stop_ids: Vec<String>,
+    release_id: Option<String>,
+    token: Option<(String, Timestamp)>,
+    /// When the last message, stop or release, reaches the rover.
+    arrives: Timestamp,
+}
+
+/// Identities remembered; more presses than that are one E-stop still.
+const MAX_STOP_IDS: usize = 64;
+
+impl Estop {
+    /// The present state.
+    pub fn state(&self) -> EstopState {
+        self.state
+    }
+
+    /// True while no command may go up.
+    pub fn in_force(&self) -> bool {
+        self.state != EstopState::Clear
+    }
+
+    /// Stops; gives the identity of the uplink message, which reaches the rover at `arrives`.
+    pub fn stop(&mut self, now: Timestamp, arrives: Timestamp) -> String {
+        let id = new_id(now);
+        if self.state == EstopState::ReleaseSent {
+            // What the rover says of earlier stops says nothing of what it does after the release.
+            self.stop_ids.clear();
+        }
+        if self.stop_ids.len() == MAX_STOP_IDS {
+            self.stop_ids.remove(0);
+        }
+        self.stop_ids.push(id.clone());
+        self.release_id = None;
+        self.token = None;
+        if self.state != EstopState::Confirmed {
+            self.state = EstopState::Sent;
+            self.arrives = arrives;
+        }
+        id
+    }
+
+    /// First step of a release: gives the token for the second.
+    pub fn ask_release(&mut self, now: Timestamp) -> Result<String, EstopError> {
+        if !self.in_force() {
+            return Err(EstopError::NotInForce);
+        }
+        let token = new_id(now);
+        self.token = Some((token.clone(), now.plus_seconds(RELEASE_WINDOW_S)));
+        Ok(token)
+    }
+
+    /// Second step: gives the identity of the uplink message, which reaches the rover at
+    /// `arrives`.
+    pub fn release(
+        &mut self,
+        now: Timestamp,
+        token: &str,
+        arrives: Timestamp,
+    ) -> Result<String, EstopError> {
+        if !self.in_force() {
+            return Err(EstopError::NotInForce);
+        }
+        match self.token.take() {
+            Some((expected, until)) if expected == token => {
+                if now > until {
+                    return Err(EstopError::TokenExpired);
+                }
+            }
+            kept => {
+                self.token = kept;
+                return Err(EstopError::TokenUnknown);
+            }
+        }
+        let id = new_id(now);
+        self.release_id = Some(id.clone());
+        self.state = EstopState::ReleaseSent;
+        self.arrives = arrives;
+        Ok(id)
+    }
+
+    /// The release never came to the link: the E-stop stays in force.
+    pub fn take_back_release(&mut self) {
+        self.release_id = None;
+        self.state = EstopState::Confirmed;
+    }
+
+    /// The rover's word on an uplink message; true if the state has changed.
+    pub fn acknowledged(&mut self, id: &str, stage: AckStage) -> bool {
+        let refused = matches!(stage, AckStage::Rejected | AckStage::Failed | AckStage::Aborted);
+        if self.release_id.as_deref() == Some(id) {
+            if refused {
+                self.take_back_release();
+            } else {
+                *self = Estop::default();
+            }
+            return true;
+        }
+        !refused && self.stop_ids.iter().any(|stop| stop == id) && self.confirm()
+    }
+
+    /// Telemetry of the given time on board shows the rover stopped, or not; a word too, once the
+    /// last message has reached it. True if the state has changed.
+    pub fn seen(&mut self, onboard: Timestamp, mode: RoverMode) -> bool {
+        if onboard <= self.arrives {
+            return false;
+        }
+        match (self.state, mode == RoverMode::Stopped) {
+            (EstopState::Sent, true) => self.confirm(),
+            (EstopState::ReleaseSent, false) => {
+                *self = Estop::default();
+                true
+            }
+            _ => false,
+        }
+    }
+
+    /// True if `id` is an E-stop or release of this state machine.
+    pub fn knows(&self, id: &str) -> bool {
+        self.release_id.as_deref() == Some(id) || self.stop_ids.iter().any(|stop| stop == id)
+    }
+
+    fn confirm(&mut self) -> bool {
+        let confirms = self.state == EstopState::Sent;
+        if confirms {
+            self.state = EstopState::Confirmed;
+        }
+        confirms
+    }
+}

@@ -1,0 +1,416 @@
+//! The ground's end of the link, all parts together.
+//!
+//! A [`Ground`] does no I/O: its methods take the time and return at once. What must be on the disk
+//! before it is answered comes back as [`Logged`] or [`Release`], to be awaited after the lock on
+//! the ground was given back.
+//!
+//! *Write-ahead*: a command goes to the link only once its uplink message and its event are synced.
+//! An E-stop waits for nothing: neither for the log nor for what waits for the log, which it ends.
+
+mod operate;
+mod run;
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
+
+use serde::Serialize;
+use tokio::sync::{Notify, oneshot};
+use wire::live::{
+    CommandRecord, Downlink, EventLevel, EventNotice, LinkConfig, LinkReport, RoverTelemetry,
+    StabilityDerived, Uplink, channel,
+};
+use wire::resources::LatestFrame;
+use wire::time::Timestamp;
+
+use crate::adapter::RoverAdapter;
+use crate::bus::{Bus, ChannelMessage};
+use crate::commands::{CommandBook, CommandError, Estop};
+use crate::link::{BadDelay, DelayLine, Delivered, Priority};
+use crate::recorder::{Record, Recorder, RecorderError, RecorderStatus, Written};
+
+pub use run::{STEP_S, run};
+
+/// Most commands under way at once.
+pub const UPLINK_MAX: usize = 2048;
+/// Most messages from the rover under way at once: 10 Hz over the longest delay, and as much again.
+pub const DOWNLINK_MAX: usize = 36_000;
+/// The link is reported at least this often (s).
+const LINK_REPORT_S: f64 = 1.0;
+
+/// Computes what the ground derives from a telemetry frame; injected, so that the bridge holds no
+/// stability. Called with the ground locked: it is to take microseconds.
+pub type Derive = Box<dyn Fn(&RoverTelemetry) -> Option<StabilityDerived> + Send>;
+
+/// Rover, link, commands, log and listeners of one session.
+pub struct Ground {
+    adapter: Box<dyn RoverAdapter>,
+    up: DelayLine<Uplink>,
+    down: DelayLine<(Timestamp, Downlink)>,
+    book: CommandBook,
+    estop: Estop,
+    recorder: Recorder,
+    bus: Bus,
+    derive: Derive,
+    wake: Arc<Notify>,
+    /// Commands that wait for the log, in the order they were sent.
+    pending: VecDeque<Pending>,
+    channels: BTreeMap<&'static str, (Arc<str>, u64)>,
+    now: Timestamp,
+    latest_log_time: Timestamp,
+    link_reported: Option<Timestamp>,
+    latest: Option<LatestFrame>,
+    stability: Option<StabilityDerived>,
+}
+
+struct Pending {
+    id: String,
+    uplink: Uplink,
+    written: Written,
+    done: oneshot::Sender<Result<CommandRecord, CommandError>>,
+}
+
+/// A value that may be told once it is on the disk.
+#[derive(Debug)]
+#[must_use = "await `written` before the value is told to anyone"]
+pub struct Logged<T> {
+    value: T,
+    written: Option<Result<Written, RecorderError>>,
+}
+
+impl<T> Logged<T> {
+    /// Waits until the log has it.
+    pub async fn written(self) -> Result<T, CommandError> {
+        match self.written {
+            None => Ok(self.value),
+            Some(Ok(written)) => written.wait().await.map(|()| self.value).map_err(log_error),
+            Some(Err(error)) => Err(log_error(error)),
+        }
+    }
+
+    /// As [`Logged::written`], blocking the thread; for tools and tests.
+    pub fn written_blocking(self) -> Result<T, CommandError> {
+        match self.written {
+            None => Ok(self.value),
+            Some(Ok(written)) => written.wait_blocking().map(|()| self.value).map_err(log_error),
+            Some(Err(error)) => Err(log_error(error)),
+        }
+    }
+
+    /// The value, whether the log has it or not.
+    pub fn unlogged(self) -> T {
+        self.value
+    }
+}
+
+/// A command on its way to the link. Dropping this does not hold it up.
+#[derive(Debug)]
+pub struct Release(oneshot::Receiver<Result<CommandRecord, CommandError>>);
+
+impl Release {
+    /// Waits until the command was handed to the link, or is known not to be. [`run`] (or
+    /// [`Ground::step`]) must go on meanwhile.
+    pub async fn wait(self) -> Result<CommandRecord, CommandError> {
+        let gone = CommandError::LogUnavailable { reason: RecorderError::Ended.to_string() };
+        self.0.await.unwrap_or(Err(gone))
+    }
+
+    /// The outcome, if there is one yet.
+    pub fn poll(&mut self) -> Option<Result<CommandRecord, CommandError>> {
+        self.0.try_recv().ok()
+    }
+}
+
+/// The rover cannot be exchanged now.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("a command is under way or an E-stop in force; end them before the rover is placed anew")]
+pub struct RoverBusy;
+
+impl RoverBusy {
+    /// A stable word for programs.
+    pub fn code(self) -> &'static str {
+        "rover_busy"
+    }
+}
+
+impl Ground {
+    /// A session with the given rover and link that begins at `now`.
+    pub fn new(
+        now: Timestamp,
+        adapter: Box<dyn RoverAdapter>,
+        link: LinkConfig,
+        recorder: Recorder,
+        bus: Bus,
+        derive: Derive,
+    ) -> Result<Ground, BadDelay> {
+        check_link(link)?;
+        let wake = recorder.committed();
+        Ok(Ground {
+            adapter,
+            up: DelayLine::new(link.up_delay_s, UPLINK_MAX)?,
+            down: DelayLine::new(link.down_delay_s, DOWNLINK_MAX)?,
+            book: CommandBook::default(),
+            estop: Estop::default(),
+            recorder,
+            bus,
+            derive,
+            wake,
+            pending: VecDeque::new(),
+            channels: channel::ALL.map(|name| (name, (Arc::from(name), 0))).into(),
+            now,
+            latest_log_time: now,
+            link_reported: None,
+            latest: None,
+            stability: None,
+        })
+    }
+
+    /// Goes on to `now`: what has arrived is handled at the instant of its arrival, in order.
+    pub fn step(&mut self, now: Timestamp) {
+        let now = self.tick(now);
+        self.release_written(now);
+        for arrived in self.up.take_due(now) {
+            self.listen(arrived.arrived);
+            self.adapter.uplink(arrived.arrived, arrived.item);
+        }
+        self.listen(now);
+        for arrived in self.down.take_due(now) {
+            self.receive(arrived);
+        }
+        self.book.tick(now);
+        self.publish_events();
+        for notice in self.recorder.take_notices() {
+            self.publish(now, channel::EVENT, &notice);
+        }
+        if self.link_reported.is_none_or(|at| now.seconds_since(at) >= LINK_REPORT_S) {
+            self.report_link();
+        }
+    }
+
+    /// When [`Ground::step`] is wanted next: at the next arrival, at the latest after [`STEP_S`].
+    pub fn next_step(&self) -> Timestamp {
+        let latest = self.now.plus_seconds(STEP_S);
+        let arrivals = [self.up.next_arrival(), self.down.next_arrival()];
+        arrivals.into_iter().flatten().fold(latest, Timestamp::min)
+    }
+
+    /// Publishes a message of the ground on a channel of `wire::live::channel`, and logs it (all
+    /// but `job/progress`). For what the bridge does not publish itself: jobs, terrain, events.
+    pub fn publish(&mut self, now: Timestamp, channel: &'static str, message: &impl Serialize) {
+        let now = self.tick(now);
+        self.put(channel, now, now, now, message);
+    }
+
+    /// Publishes an event.
+    pub fn notice(&mut self, now: Timestamp, level: EventLevel, who: &str, text: &str) {
+        let notice = EventNotice { level, text: text.into(), who: who.into() };
+        self.publish(now, channel::EVENT, &notice);
+    }
+
+    /// The link as it is.
+    pub fn link(&self) -> LinkReport {
+        LinkReport {
+            config: LinkConfig { up_delay_s: self.up.delay_s(), down_delay_s: self.down.delay_s() },
+            up: self.up.counters(),
+            down: self.down.counters(),
+            estop: self.estop.state(),
+        }
+    }
+
+    /// The last frame received.
+    pub fn latest(&self) -> Option<&LatestFrame> {
+        self.latest.as_ref()
+    }
+
+    /// What was derived from it.
+    pub fn stability(&self) -> Option<&StabilityDerived> {
+        self.stability.as_ref()
+    }
+
+    /// The commands.
+    pub fn commands(&self) -> &CommandBook {
+        &self.book
+    }
+
+    /// The bus that everything is published on.
+    pub fn bus(&self) -> Bus {
+        self.bus.clone()
+    }
+
+    /// The flight log.
+    pub fn recorder_status(&self) -> RecorderStatus {
+        self.recorder.status()
+    }
+
+    /// Ends the session: writes the end of the log. Blocks; commands are refused from then on.
+    pub fn finish(&mut self, now: Timestamp) -> Result<RecorderStatus, RecorderError> {
+        self.step(now);
+        self.recorder.finish()
+    }
+
+    fn tick(&mut self, now: Timestamp) -> Timestamp {
+        self.now = self.now.max(now);
+        self.now
+    }
+
+    /// Takes what the rover has said until `at` and hands it to the link at the time it was said.
+    fn listen(&mut self, at: Timestamp) {
+        for (onboard, message) in self.adapter.advance(at) {
+            let priority = match message {
+                Downlink::Telemetry(_) => Priority::Expendable,
+                Downlink::Ack { .. } => Priority::Normal,
+            };
+            if let Err(full) = self.down.offer(onboard.min(at), priority, (onboard, message)) {
+                // Counted by the link; told at most once a second with the link's report.
+                tracing::warn!("an acknowledgement of the rover was dropped: {full}");
+            }
+        }
+    }
+
+    fn receive(&mut self, arrived: Delivered<(Timestamp, Downlink)>) {
+        let Delivered { item: (onboard, message), sent, arrived, .. } = arrived;
+        match message {
+            Downlink::Telemetry(frame) => self.receive_frame(onboard, sent, arrived, frame),
+            Downlink::Ack { id, stage, detail } => {
+                let changed = if self.estop.knows(&id) {
+                    let changed = self.estop.acknowledged(&id, stage);
+                    if changed {
+                        self.report_link();
+                    }
+                    changed
+                } else {
+                    self.book.acknowledge(arrived, &id, stage, detail.as_deref())
+                };
+                if !changed {
+                    tracing::debug!("the rover's word {stage:?} on {id} changes nothing");
+                }
+            }
+        }
+        self.publish_events();
+    }
+
+    fn receive_frame(
+        &mut self,
+        onboard: Timestamp,
+        sent: Timestamp,
+        arrived: Timestamp,
+        frame: RoverTelemetry,
+    ) {
+        let sequence = self.put(channel::ROVER_STATE, onboard, sent, arrived, &frame);
+        let stability = (self.derive)(&frame);
+        if let Some(derived) = &stability {
+            self.put(channel::ROVER_STABILITY, onboard, sent, arrived, derived);
+        }
+        if let Some(executing) = &frame.executing {
+            self.book.progress(arrived, executing);
+        }
+        if self.estop.seen(onboard, frame.mode) {
+            self.report_link();
+        }
+        self.stability = stability;
+        let received_time = arrived;
+        self.latest = Some(LatestFrame { onboard_time: onboard, received_time, sequence, frame });
+    }
+
+    /// Publishes and logs the events of the book; gives the last one's way to the disk.
+    fn publish_events(&mut self) -> Option<Result<Written, RecorderError>> {
+        let mut last = None;
+        for event in self.book.take_events() {
+            last = self.put_durable(channel::COMMAND_EVENT, event.time, &event);
+        }
+        last
+    }
+
+    fn report_link(&mut self) {
+        let (now, report) = (self.now, self.link());
+        self.link_reported = Some(now);
+        self.put(channel::LINK, now, now, now, &report);
+    }
+
+    fn put(
+        &mut self,
+        name: &'static str,
+        onboard: Timestamp,
+        sent: Timestamp,
+        received: Timestamp,
+        message: &impl Serialize,
+    ) -> u64 {
+        let Some(message) = self.encode(name, onboard, sent, received, message) else { return 0 };
+        let sequence = message.sequence;
+        match name {
+            channel::JOB => {}
+            channel::EVENT => {
+                if let Err(error) = self.recorder.record_durable(record_of(&message)) {
+                    tracing::error!("an event is not in the log: {error}");
+                }
+            }
+            _ => self.recorder.record(record_of(&message)),
+        }
+        self.bus.publish(message);
+        sequence
+    }
+
+    fn put_durable(
+        &mut self,
+        name: &'static str,
+        now: Timestamp,
+        message: &impl Serialize,
+    ) -> Option<Result<Written, RecorderError>> {
+        let message = self.encode(name, now, now, now, message)?;
+        let written = self.recorder.record_durable(record_of(&message));
+        self.bus.publish(message);
+        Some(written)
+    }
+
+    /// Numbers and encodes a message. Times of receipt never go back from message to message.
+    fn encode(
+        &mut self,
+        name: &'static str,
+        onboard: Timestamp,
+        sent: Timestamp,
+        received: Timestamp,
+        message: &impl Serialize,
+    ) -> Option<ChannelMessage> {
+        let json = match serde_json::to_vec(message) {
+            Ok(json) => json.into(),
+            Err(error) => {
+                tracing::error!("a message of {name} cannot be encoded: {error}");
+                return None;
+            }
+        };
+        let (channel, sequence) = self.channels.entry(name).or_insert_with(|| (Arc::from(name), 0));
+        *sequence += 1;
+        self.latest_log_time = self.latest_log_time.max(received);
+        Some(ChannelMessage {
+            channel: channel.clone(),
+            sequence: *sequence,
+            onboard_time: onboard,
+            sent_time: sent,
+            received_time: self.latest_log_time,
+            json,
+        })
+    }
+}
+
+fn record_of(message: &ChannelMessage) -> Record {
+    Record {
+        channel: message.channel.clone(),
+        sequence: message.sequence,
+        log_time: message.received_time,
+        publish_time: message.onboard_time,
+        json: message.json.clone(),
+    }
+}
+
+fn log_error(error: RecorderError) -> CommandError {
+    CommandError::LogUnavailable { reason: error.to_string() }
+}
+
+fn check_link(link: LinkConfig) -> Result<(), BadDelay> {
+    let fields = [("up_delay_s", link.up_delay_s), ("down_delay_s", link.down_delay_s)];
+    for (field, delay_s) in fields {
+        if !(0.0..=crate::link::MAX_DELAY_S).contains(&delay_s) {
+            return Err(BadDelay { field, delay_s });
+        }
+    }
+    Ok(())
+}

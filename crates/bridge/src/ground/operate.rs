@@ -1,0 +1,272 @@
+//! What operators do: the methods behind the routes.
+
+use tokio::sync::oneshot;
+use wire::live::{
+    CommandRecord, CommandState, EstopState, EventLevel, LinkConfig, LinkReport, Uplink, channel,
+};
+use wire::resources::EstopAnswer;
+use wire::time::Timestamp;
+
+use super::{Ground, Logged, Pending, Release, RoverBusy, check_link, log_error};
+use crate::adapter::RoverAdapter;
+use crate::commands::{CommandError, EstopError, LightTimes, StageCommand, is_outstanding};
+use crate::link::{BadDelay, Priority};
+use crate::recorder::Written;
+
+impl Ground {
+    /// Stages a command; see [`crate::commands::CommandBook::stage`].
+    pub fn stage(
+        &mut self,
+        now: Timestamp,
+        command: StageCommand,
+    ) -> Result<Logged<CommandRecord>, CommandError> {
+        let now = self.tick(now);
+        self.log_must_be_well()?;
+        let record = self.book.stage(now, command)?;
+        Ok(self.logged(record))
+    }
+
+    /// Arms a command; see [`crate::commands::CommandBook::arm`].
+    pub fn arm(
+        &mut self,
+        now: Timestamp,
+        id: &str,
+        who: &str,
+    ) -> Result<Logged<CommandRecord>, CommandError> {
+        let now = self.tick(now);
+        self.no_estop()?;
+        self.log_must_be_well()?;
+        let outcome = self.book.arm(now, id, who);
+        let logged = self.logged(());
+        outcome.map(|record| Logged { value: record, written: logged.written })
+    }
+
+    /// Sends an armed command: to the log, and from there to the link. The record is `sent` at
+    /// once; should the log fail or an E-stop come in between, it ends without having been sent.
+    pub fn send(&mut self, now: Timestamp, id: &str, who: &str) -> Result<Release, CommandError> {
+        let now = self.tick(now);
+        self.no_estop()?;
+        self.log_must_be_well()?;
+        let light = LightTimes { up_s: self.up.delay_s(), down_s: self.down.delay_s() };
+        let outcome = self.book.send(now, id, who, light);
+        let uplink = match outcome {
+            Ok((_, uplink)) => uplink,
+            Err(error) => {
+                self.publish_events();
+                return Err(error);
+            }
+        };
+        // The log keeps the order: once the event is safe, so is the uplink message.
+        let uplink_written = self.put_durable(channel::COMMAND_UPLINK, now, &uplink);
+        let event_written = self.publish_events();
+        match (uplink_written, event_written) {
+            (Some(Ok(_)), Some(Ok(written))) => Ok(self.release_later(id, uplink, written)),
+            (Some(Err(error)), _) | (_, Some(Err(error))) => {
+                Err(self.not_sent(now, id, CommandState::Failed, log_error(error)))
+            }
+            _ => {
+                let reason = "the command cannot be encoded".into();
+                let error = CommandError::LogUnavailable { reason };
+                Err(self.not_sent(now, id, CommandState::Failed, error))
+            }
+        }
+    }
+
+    /// Takes a command back that was not sent.
+    pub fn cancel(
+        &mut self,
+        now: Timestamp,
+        id: &str,
+        who: &str,
+    ) -> Result<Logged<CommandRecord>, CommandError> {
+        let now = self.tick(now);
+        let record = self.book.cancel(now, id, who)?;
+        Ok(self.logged(record))
+    }
+
+    /// Ends a command that was not sent because its basis no longer holds.
+    pub fn expire(
+        &mut self,
+        now: Timestamp,
+        id: &str,
+        why: &str,
+    ) -> Result<Logged<CommandRecord>, CommandError> {
+        let now = self.tick(now);
+        let record = self.book.expire(now, id, why)?;
+        Ok(self.logged(record))
+    }
+
+    /// Stops the rover. Always taken, in every state of link and log; first it goes to the link,
+    /// then everything else happens.
+    pub fn estop(&mut self, now: Timestamp, who: &str) -> EstopAnswer {
+        let now = self.tick(now);
+        let takes_effect = now.plus_seconds(self.up.delay_s());
+        let release_under_way = self.estop.state() == EstopState::ReleaseSent;
+        let uplink = Uplink::Estop { id: self.estop.stop(now, takes_effect) };
+        if let Err(full) = self.up.offer(now, Priority::Urgent, uplink.clone()) {
+            tracing::warn!("an E-stop more was not sent: {full}, all of them E-stops");
+        }
+        if release_under_way {
+            // It may overtake the release; then this second one, behind the release, stops again.
+            let behind = self.up.offer(now, Priority::Normal, uplink.clone());
+            tracing::debug!("second E-stop behind the release: {behind:?}");
+        }
+        self.wake.notify_one();
+        for pending in std::mem::take(&mut self.pending) {
+            let why = "an E-stop came before it was handed to the link";
+            self.book.withdraw(now, &pending.id, CommandState::Aborted, why);
+            // Who no longer waits needs no answer.
+            let _ = pending.done.send(Err(CommandError::EstopInForce));
+        }
+        self.book.disarm_all(now, who, "E-stop");
+        self.publish_events();
+        self.put_durable(channel::COMMAND_UPLINK, now, &uplink);
+        self.notice(now, EventLevel::Critical, who, "E-stop sent");
+        self.report_link();
+        EstopAnswer { state: self.estop.state(), takes_effect, token: None }
+    }
+
+    /// Releases an E-stop in two steps: without a token it answers with one, valid for 10 s; with
+    /// that token it sends the release.
+    pub fn estop_release(
+        &mut self,
+        now: Timestamp,
+        who: &str,
+        token: Option<&str>,
+    ) -> Result<EstopAnswer, EstopError> {
+        let now = self.tick(now);
+        let takes_effect = now.plus_seconds(self.up.delay_s());
+        let Some(token) = token else {
+            let token = Some(self.estop.ask_release(now)?);
+            return Ok(EstopAnswer { state: self.estop.state(), takes_effect, token });
+        };
+        let uplink = Uplink::EstopRelease { id: self.estop.release(now, token, takes_effect)? };
+        if self.up.offer(now, Priority::Normal, uplink.clone()).is_err() {
+            self.estop.take_back_release();
+            return Err(EstopError::QueueFull);
+        }
+        self.wake.notify_one();
+        self.put_durable(channel::COMMAND_UPLINK, now, &uplink);
+        self.notice(now, EventLevel::Caution, who, "E-stop release sent");
+        self.report_link();
+        Ok(EstopAnswer { state: self.estop.state(), takes_effect, token: None })
+    }
+
+    /// Changes the delays of what is sent from now on.
+    pub fn set_link(
+        &mut self,
+        now: Timestamp,
+        who: &str,
+        link: LinkConfig,
+    ) -> Result<LinkReport, BadDelay> {
+        check_link(link)?;
+        let now = self.tick(now);
+        let grown_s = link.down_delay_s - self.down.delay_s();
+        self.up.set_delay(now, link.up_delay_s)?;
+        self.down.set_delay(now, link.down_delay_s)?;
+        if grown_s > 0.0 {
+            self.book.allow_longer(now, who, grown_s);
+            self.publish_events();
+        }
+        let LinkConfig { up_delay_s, down_delay_s } = link;
+        let text = format!("link delay set to {up_delay_s} s up, {down_delay_s} s down");
+        self.notice(now, EventLevel::Info, who, &text);
+        self.report_link();
+        self.wake.notify_one();
+        Ok(self.link())
+    }
+
+    /// Exchanges the rover, as when the simulated one is seated on another terrain. What the old
+    /// one has said still arrives.
+    pub fn replace_rover(
+        &mut self,
+        now: Timestamp,
+        who: &str,
+        adapter: Box<dyn RoverAdapter>,
+    ) -> Result<(), RoverBusy> {
+        let now = self.tick(now);
+        if self.estop.in_force() || self.book.records().any(|r| is_outstanding(r.state)) {
+            return Err(RoverBusy);
+        }
+        self.listen(now);
+        self.adapter = adapter;
+        self.notice(now, EventLevel::Info, who, "the rover was placed anew");
+        Ok(())
+    }
+
+    /// Waits for the disk, then hands to the link what waited for it. Blocks; for tools and tests,
+    /// [`super::run`] does it without.
+    pub fn release_blocking(&mut self, now: Timestamp) {
+        let now = self.tick(now);
+        while let Some(pending) = self.pending.pop_front() {
+            let Pending { id, uplink, written, done } = pending;
+            let outcome = written.wait_blocking().map_err(log_error);
+            // Who no longer waits needs no answer.
+            let _ = done.send(self.release(now, &id, uplink, outcome));
+        }
+    }
+
+    /// Hands to the link, in order, what the log has.
+    pub(super) fn release_written(&mut self, now: Timestamp) {
+        while let Some(mut pending) = self.pending.pop_front() {
+            let Some(outcome) = pending.written.poll() else {
+                self.pending.push_front(pending);
+                return;
+            };
+            let Pending { id, uplink, done, .. } = pending;
+            // Who no longer waits needs no answer.
+            let _ = done.send(self.release(now, &id, uplink, outcome.map_err(log_error)));
+        }
+    }
+
+    fn release(
+        &mut self,
+        now: Timestamp,
+        id: &str,
+        uplink: Uplink,
+        logged: Result<(), CommandError>,
+    ) -> Result<CommandRecord, CommandError> {
+        if let Err(error) = logged {
+            return Err(self.not_sent(now, id, CommandState::Failed, error));
+        }
+        if self.up.offer(now, Priority::Normal, uplink).is_err() {
+            let error = CommandError::QueueFull { what: "the link is" };
+            return Err(self.not_sent(now, id, CommandState::Failed, error));
+        }
+        let unknown = || CommandError::Unknown { id: id.into() };
+        self.book.get(id).cloned().ok_or_else(unknown)
+    }
+
+    fn release_later(&mut self, id: &str, uplink: Uplink, written: Written) -> Release {
+        let (done, receiver) = oneshot::channel();
+        self.pending.push_back(Pending { id: id.into(), uplink, written, done });
+        Release(receiver)
+    }
+
+    fn not_sent(
+        &mut self,
+        now: Timestamp,
+        id: &str,
+        state: CommandState,
+        error: CommandError,
+    ) -> CommandError {
+        self.book.withdraw(now, id, state, &format!("not sent: {error}"));
+        self.publish_events();
+        error
+    }
+
+    fn logged<T>(&mut self, value: T) -> Logged<T> {
+        Logged { value, written: self.publish_events() }
+    }
+
+    fn no_estop(&self) -> Result<(), CommandError> {
+        if self.estop.in_force() { Err(CommandError::EstopInForce) } else { Ok(()) }
+    }
+
+    fn log_must_be_well(&self) -> Result<(), CommandError> {
+        match self.recorder.status().error {
+            Some(reason) => Err(CommandError::LogUnavailable { reason }),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,36 @@
+//! Driving the ground in a program.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use super::Ground;
+use crate::clock::Clock;
+
+/// Longest time between two steps (s).
+pub const STEP_S: f64 = 0.05;
+/// Shortest (s), so that a clock that stands still does not turn this into a busy loop.
+const SHORTEST_S: f64 = 0.000_2;
+
+/// Steps the ground for ever: at each arrival, whenever the log has made something safe, and at
+/// least every [`STEP_S`]. Ends by being dropped.
+pub async fn run(ground: Arc<Mutex<Ground>>, clock: Arc<dyn Clock>) {
+    let wake = locked(&ground).wake.clone();
+    loop {
+        let next = {
+            let mut ground = locked(&ground);
+            ground.step(clock.now());
+            ground.next_step()
+        };
+        let wait_s = next.seconds_since(clock.now()).clamp(SHORTEST_S, STEP_S);
+        tokio::select! {
+            () = tokio::time::sleep(Duration::from_secs_f64(wait_s)) => {}
+            () = wake.notified() => {}
+        }
+    }
+}
+
+/// A panic in one request must not stop the rover's ground: its state is whole between statements
+/// that can panic, so the lock is taken all the same.
+fn locked(ground: &Mutex<Ground>) -> std::sync::MutexGuard<'_, Ground> {
+    ground.lock().unwrap_or_else(PoisonError::into_inner)
+}

@@ -1,0 +1,32 @@
+//! The bridge between ground and rover: two delays, the life of a command, the flight log and its
+//! replay.
+//!
+//! ```text
+//!            ┌──────────────────────────── Ground ─────────────────────────────┐
+//! server ──▶ │ CommandBook ──▶ Recorder ──synced──▶ DelayLine up   ──▶ adapter │ ──▶ rover
+//! stream ◀── │ Bus ◀── Recorder ◀── derived channels ◀── DelayLine down ◀──    │ ◀──
+//!            └─────────────────────────────────────────────────────────────────┘
+//! Replay ◀── log file                    (no way from here to the uplink, by type)
+//! ```
+//!
+//! - [`link`]: one [`link::DelayLine`] per direction, a pure queue that takes the time as argument.
+//! - [`commands`]: [`commands::CommandBook`], whose state is a fold of its events.
+//! - [`recorder`]: one thread that owns the log file; what is acknowledged is on the disk.
+//! - [`reader`], [`catalog`]: reading any MCAP file, also a hostile one, within stated limits.
+//! - [`replay`]: a log played through the same channels.
+//! - [`bus`]: every message, encoded once, for all listeners in the process.
+//! - [`ground`]: [`ground::Ground`] ties these together; [`ground::run`] drives it.
+//!
+//! What is deliberately absent: HTTP, authority (who may command), and every clock but
+//! [`clock::Clock`].
+
+pub mod adapter;
+pub mod bus;
+pub mod catalog;
+pub mod clock;
+pub mod commands;
+pub mod ground;
+pub mod link;
+pub mod reader;
+pub mod recorder;
+pub mod replay;
