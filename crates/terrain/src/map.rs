@@ -222,7 +222,7 @@ impl ElevationMap {
             columns * rows
         };
         let known_share = moments.n / n_points;
-        if known_share < 1.0 - FOOTPRINT_UNKNOWN_MAX {
+        if known_share < 1.0 - FOOTPRINT_UNKNOWN_MAX - 1e-9 {
             return None;
         }
         let plane = moments.fit(width_m)?;

@@ -37,7 +37,8 @@ impl From<geotiff_reader::Error> for TerrainError {
 /// local frame, whose offset the map keeps.
 pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<ElevationMap, TerrainError> {
     let limits = GeoTiffOpenOptions {
-        decode_output_bytes: options.max_nodes.saturating_mul(8),
+        // A crop may still need one whole strip of a large file.
+        decode_output_bytes: options.max_nodes.saturating_mul(8).max(1 << 28),
         ..GeoTiffOpenOptions::default()
     };
     let file = GeoTiffFile::from_bytes_with_options(bytes.to_vec(), limits)?;

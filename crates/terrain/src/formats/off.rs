@@ -140,7 +140,7 @@ impl Layout {
         let cell = (second[fast] - first[fast]).abs();
         let run = vertices.iter().position(|v| (v[slow] - first[slow]).abs() > 0.5 * cell);
         let run = run.unwrap_or(n);
-        if run < 2 || run == n || n % run != 0 {
+        if run < 2 || run == n || !n.is_multiple_of(run) {
             return refuse(format!("{n} vertices do not fill rows of {run}"));
         }
         let n_of = if x_first { [run, n / run] } else { [n / run, run] };

@@ -1,4 +1,7 @@
 //! Fractal relief by spectral synthesis.
+//!
+//! The longest wave is about as long as the tile, so that exponents near 1, whose relief is mostly
+//! in longer waves, come out lower over the tile: about 0.8 for 0.9; up to 0.7 within 0.1.
 
 use std::f64::consts::TAU;
 

@@ -51,7 +51,7 @@ impl Block {
         let patch = self.patch(heights);
         let Some(reference) = patch.z.iter().copied().find(|z| !z.is_nan()) else { return };
         let ranges = largest_ranges(&patch, w);
-        let is_whole = patch.z.iter().all(|z| *z == *z);
+        let is_whole = patch.z.iter().all(|z| !z.is_nan());
         let reference = f64::from(reference);
         let row = |iy: usize| &patch.z[(iy + 1) * patch.width + 1..][..self.nx + w - 1];
         let mut columns = Columns::new(self.nx + w - 1, self.half);
@@ -120,7 +120,7 @@ impl Columns {
         let (n, y, yy) = (&mut self.n[..len], &mut self.y[..len], &mut self.yy[..len]);
         let (z, yz, zz) = (&mut self.z[..len], &mut self.yz[..len], &mut self.zz[..len]);
         for i in 0..len {
-            let is_known = row[i] == row[i];
+            let is_known = !row[i].is_nan();
             let known = if is_known { 1.0 } else { 0.0 };
             let height = if is_known { f64::from(row[i]) - reference } else { 0.0 };
             yy[i] += n[i] - 2.0 * y[i];
@@ -139,7 +139,7 @@ impl Columns {
         let (z, yz, zz) = (&mut self.z[..len], &mut self.yz[..len], &mut self.zz[..len]);
         let back = 2.0 * self.half as f64;
         for i in 0..len {
-            let is_known = row[i] == row[i];
+            let is_known = !row[i].is_nan();
             let known = if is_known { 1.0 } else { 0.0 };
             let height = if is_known { f64::from(row[i]) - reference } else { 0.0 };
             n[i] -= known;
@@ -226,7 +226,7 @@ impl Quadrants {
 /// Adds `amount` (1, or its wrapping negative) wherever the row is known.
 fn add_known(counts: &mut [u32], row: &[f32], amount: u32) {
     for (count, z) in counts.iter_mut().zip(row) {
-        *count = count.wrapping_add(if *z == *z { amount } else { 0 });
+        *count = count.wrapping_add(if !z.is_nan() { amount } else { 0 });
     }
 }
 

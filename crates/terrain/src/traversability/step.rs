@@ -35,7 +35,7 @@ fn ranges(patch: &Patch) -> Vec<f32> {
     let (mut lo, mut hi) = (vec![0.0_f32; n], vec![0.0_f32; n]);
     let mut known = vec![0.0_f32; n];
     for (i, z) in patch.z.iter().enumerate() {
-        let is_known = *z == *z;
+        let is_known = !z.is_nan();
         lo[i] = if is_known { *z } else { f32::INFINITY };
         hi[i] = if is_known { *z } else { f32::NEG_INFINITY };
         known[i] = if is_known { 1.0 } else { 0.0 };

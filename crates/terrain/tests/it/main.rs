@@ -1,0 +1,11 @@
+//! Tests of the crate as its users see it.
+#![allow(clippy::unwrap_used)]
+
+mod formats;
+mod hostile;
+mod map;
+mod properties;
+mod real_files;
+mod synthetic;
+mod tiff;
+mod traversability;
