@@ -1,0 +1,23 @@
+//! Distances of robot, terrain and obstacles. The only crate that uses parry.
+//!
+//! Ground and obstacles are solid: what lies below the surface, however deep, or inside a rock is
+//! colliding. *Colliding* is distance zero; keeping a tolerance is a separate verdict (F65, F66).
+//! Frame `world`, meters.
+//!
+//! - [`Scene`]: robot, map and obstacles, prepared once.
+//! - [`LegChecker`]: one moving leg against everything else, with the rest of the robot cached.
+//! - [`survey`]: the whole robot in one posture.
+//! - [`wheel_ground`]: how high a wheel is above the ground and where it would touch.
+
+mod checker;
+mod pairs;
+mod scene;
+mod solid;
+mod survey;
+mod wheel;
+
+pub use checker::{Clearance, ContactZone, LegChecker, Touch, Violation};
+pub use pairs::Body;
+pub use scene::{Obstacle, Scene, SceneError};
+pub use survey::{PairDistance, Survey, survey};
+pub use wheel::{WheelGap, WheelGround, contact_center, wheel_ground};

@@ -1,0 +1,124 @@
+//! The whole robot in one posture: what overlaps, what is nearer than its tolerance.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Point3;
+use rover::{LegId, LinkId, Posture};
+
+use crate::checker::{Touch, environment_of, parts_near};
+use crate::pairs::pair_tolerance;
+use crate::scene::Scene;
+use crate::wheel::{BEYOND_CONTACT, WheelGround, contact_center, wheel_ground};
+
+/// Two things and their distance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PairDistance {
+    /// What is near what.
+    pub touch: Touch,
+    /// Distance (m), zero where they overlap.
+    pub distance: f64,
+    /// Distance that planned motion keeps (m).
+    pub tolerance: f64,
+}
+
+/// A posture looked at from all sides.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Survey {
+    /// Pairs of links nearer than their tolerance, nearest first (one entry a pair of links).
+    pub links: Vec<PairDistance>,
+    /// Links nearer to ground or obstacles than the tolerance, nearest first; a standing wheel's
+    /// touch within its contact radius does not count.
+    pub environment: Vec<PairDistance>,
+    /// Each leg's wheel over the ground.
+    pub wheels: Vec<WheelGround>,
+    /// Which wheels stand: within the ground tolerance of the ground.
+    pub standing: Vec<LegId>,
+}
+
+impl Survey {
+    /// The pair of links that overlaps, if any.
+    pub fn self_collision(&self) -> Option<&PairDistance> {
+        self.links.first().filter(|pair| pair.distance <= 0.0)
+    }
+
+    /// The link that overlaps ground or an obstacle, if any.
+    pub fn terrain_collision(&self) -> Option<&PairDistance> {
+        self.environment.first().filter(|pair| pair.distance <= 0.0)
+    }
+
+    /// The standing legs with their points of contact in `world` (m).
+    pub fn contacts(&self, scene: &Scene, posture: &Posture) -> Vec<(LegId, Point3<f64>)> {
+        let contact = |leg: &LegId| {
+            let gap = self.wheels[leg.0].nearest?;
+            let wheel = posture.wheel(scene.robot(), *leg);
+            Some((*leg, contact_center(&wheel, scene.map(), &gap)))
+        };
+        self.standing.iter().filter_map(contact).collect()
+    }
+}
+
+/// Looks at the whole robot in one posture. Unknown ground hides what lies below it: it is not a
+/// collision here, and the wheels over it say so.
+pub fn survey(scene: &Scene, posture: &Posture) -> Survey {
+    let robot = scene.robot();
+    let rules = robot.stance();
+    let wheels: Vec<WheelGround> = robot
+        .leg_ids()
+        .map(|leg| wheel_ground(&posture.wheel(robot, leg), scene.map(), |_| true))
+        .collect();
+    let standing: Vec<LegId> = robot
+        .leg_ids()
+        .filter(|leg| wheels[leg.0].nearest.is_some_and(|g| g.gap.abs() <= rules.ground_tolerance))
+        .collect();
+
+    let mut links: BTreeMap<(LinkId, LinkId), PairDistance> = BTreeMap::new();
+    for (i, a) in scene.parts.iter().enumerate() {
+        for b in &scene.parts[i + 1..] {
+            let Some(tolerance) = pair_tolerance(robot, a.body, b.body) else { continue };
+            let Some(near) = parts_near(a, b, posture, tolerance.max(1e-9)) else { continue };
+            let touch = Touch::Links(a.link, b.link);
+            let entry = PairDistance { touch, distance: near.distance, tolerance };
+            links
+                .entry((a.link, b.link))
+                .and_modify(|e| e.distance = e.distance.min(near.distance))
+                .or_insert(entry);
+        }
+    }
+
+    let tolerance = robot.tolerances().environment;
+    let mut environment = Vec::new();
+    for part in scene.parts.iter() {
+        let leg = robot.leg_ids().find(|leg| robot.leg(*leg).wheel_link == part.link);
+        let stands = leg.filter(|leg| standing.contains(leg));
+        for (touch, near) in environment_of(scene, part, posture, tolerance.max(1e-9)) {
+            if let (Some(leg), Touch::Ground(_), true) = (stands, touch, part.is_wheel) {
+                if !touches_beyond_contact(scene, posture, leg, &wheels[leg.0]) {
+                    continue;
+                }
+                environment.push(PairDistance { touch, distance: 0.0, tolerance });
+                continue;
+            }
+            environment.push(PairDistance { touch, distance: near.distance, tolerance });
+        }
+    }
+    let mut links: Vec<PairDistance> = links.into_values().collect();
+    links.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+    environment.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+    Survey { links, environment, wheels, standing }
+}
+
+/// A standing wheel touches only around its contact; elsewhere it must be clear of the ground.
+fn touches_beyond_contact(
+    scene: &Scene,
+    posture: &Posture,
+    leg: LegId,
+    ground: &WheelGround,
+) -> bool {
+    let Some(gap) = ground.nearest else { return false };
+    let rules = scene.robot().stance();
+    let wheel = posture.wheel(scene.robot(), leg);
+    let contact = contact_center(&wheel, scene.map(), &gap);
+    let far = |p: nalgebra::Point2<f64>| (p - contact.xy()).norm() > rules.contact_radius;
+    let beyond = wheel_ground(&wheel, scene.map(), far);
+    beyond.nearest.is_some_and(|g| g.gap < -BEYOND_CONTACT * rules.ground_tolerance)
+}
