@@ -1,0 +1,166 @@
+import { ChevronLeft, ChevronRight, Keyboard, Mountain } from "lucide-react";
+import { useEffect } from "react";
+
+import { Banner } from "./features/banner/Banner";
+import { CellReadout } from "./features/cell/CellReadout";
+import { GlobalBar } from "./features/global-bar/GlobalBar";
+import { HandPanel } from "./features/hand/HandPanel";
+import { ImportDialog } from "./features/import/ImportDialog";
+import { KeySheet } from "./features/keys/KeySheet";
+import { useHotkeys } from "./features/keys/useHotkeys";
+import { LegsPanel, StancePanel } from "./features/legs/LegsPanel";
+import { LogPanel } from "./features/log/LogPanel";
+import { DrawingPanel, OverlayPanel } from "./features/overlays/OverlayPanel";
+import { useReachability } from "./features/overlays/useReachability";
+import { PlanPanel } from "./features/plan/PlanPanel";
+import { Timeline } from "./features/replay/Timeline";
+import { SceneView } from "./features/scene/SceneView";
+import { StepStrip } from "./features/step-strip/StepStrip";
+import { TelemetryPanel } from "./features/telemetry/TelemetryPanel";
+import { start, useConsole } from "./store/console";
+import { loadTerrain, useTerrain } from "./store/terrain";
+import { type RightTab, useView } from "./store/view";
+
+const LEFT_PX = 224;
+const RIGHT_PX = 304;
+
+/** Fetches the map whenever its version changes, in live as in replay. */
+function useTerrainOfVersion(): void {
+  const version = useConsole((s) => s.terrainVersion);
+  useEffect(() => {
+    if (version !== null) void loadTerrain(version);
+  }, [version]);
+}
+
+export function App() {
+  useEffect(start, []);
+  useHotkeys();
+  useTerrainOfVersion();
+  useReachability();
+  const replay = useConsole((s) => s.stream.replayState);
+  const simulated = useConsole((s) => s.simulated);
+  const { leftOpen, rightOpen } = useView();
+  const edge = replay ? "app replay-edge" : simulated ? "app sim-edge" : "app";
+  return (
+    <div className={edge} data-mode={replay ? "replay" : "live"}>
+      <GlobalBar />
+      <Banner />
+      <main className="stage-area">
+        <SceneView left={leftOpen ? LEFT_PX + 16 : 0} right={rightOpen ? RIGHT_PX + 16 : 0} />
+        <LeftPanels />
+        <RightPanel />
+      </main>
+      {replay ? <Timeline replay={replay} /> : <StepStrip />}
+      <ImportDialog />
+      <KeySheet />
+    </div>
+  );
+}
+
+function LeftPanels() {
+  const open = useView((s) => s.leftOpen);
+  const toggle = () => useView.setState({ leftOpen: !open });
+  return (
+    <>
+      {open && (
+        <div className="left-panels">
+          <div className="panel left-main">
+            <LegsPanel />
+            <StancePanel />
+            <OverlayPanel />
+            <DrawingPanel />
+            <MapSection />
+          </div>
+          <CellReadout />
+        </div>
+      )}
+      <button
+        type="button"
+        className={open ? "edge-toggle left open" : "edge-toggle left"}
+        aria-label={open ? "Hide the left panels" : "Show the left panels"}
+        title={open ? "Hide" : "Legs and overlays"}
+        onClick={toggle}
+      >
+        {open ? <ChevronLeft size={16} /> : <ChevronRight size={16} />}
+      </button>
+    </>
+  );
+}
+
+function MapSection() {
+  const version = useTerrain((s) => s.version);
+  return (
+    <section className="section map-section">
+      <span className="quiet small map-source" title={version?.source}>
+        {version ? version.source : "No map"}
+        {version?.synthetic_detail && ", synthetic detail"}
+      </span>
+      <span className="row map-buttons">
+        <button
+          type="button"
+          className="button bare"
+          data-testid="import-open"
+          onClick={() => useView.setState({ importOpen: true })}
+        >
+          <Mountain size={16} aria-hidden /> New map
+        </button>
+        <button
+          type="button"
+          className="button bare"
+          title="Keys (?)"
+          onClick={() => useView.setState({ keysOpen: true })}
+        >
+          <Keyboard size={16} aria-hidden /> Keys
+        </button>
+      </span>
+    </section>
+  );
+}
+
+const TABS: [RightTab, string][] = [
+  ["step", "Step"],
+  ["hand", "By hand"],
+  ["telemetry", "Telemetry"],
+  ["log", "Log"],
+];
+
+function RightPanel() {
+  const { tab, rightOpen } = useView();
+  return (
+    <>
+      {rightOpen && (
+        <div className="panel right-panel">
+          <div className="tabs" role="tablist" aria-label="Panels">
+            {TABS.map(([value, label]) => (
+              <button
+                key={value}
+                type="button"
+                role="tab"
+                aria-selected={tab === value}
+                data-testid={`tab-${value}`}
+                onClick={() => useView.setState({ tab: value })}
+              >
+                {label}
+              </button>
+            ))}
+          </div>
+          <div className="right-body" role="tabpanel">
+            {tab === "step" && <PlanPanel />}
+            {tab === "hand" && <HandPanel />}
+            {tab === "telemetry" && <TelemetryPanel />}
+            {tab === "log" && <LogPanel />}
+          </div>
+        </div>
+      )}
+      <button
+        type="button"
+        className={rightOpen ? "edge-toggle right open" : "edge-toggle right"}
+        aria-label={rightOpen ? "Hide the right panel" : "Show the right panel"}
+        title={rightOpen ? "Hide" : "Step, commands and telemetry"}
+        onClick={() => useView.setState({ rightOpen: !rightOpen })}
+      >
+        {rightOpen ? <ChevronRight size={16} /> : <ChevronLeft size={16} />}
+      </button>
+    </>
+  );
+}

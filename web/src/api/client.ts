@@ -1,0 +1,147 @@
+// One function per route of the server. Errors are `ApiError` with the server's code and sentence.
+
+import type {
+  CellAnswer,
+  CommandList,
+  CommandRecord,
+  ErrorInfo,
+  EstopAnswer,
+  ImportRequest,
+  JobReport,
+  LinkConfig,
+  LinkReport,
+  LogList,
+  PlanAnswer,
+  PlanRequest,
+  ReplayChange,
+  ReplayState,
+  RoverAnswer,
+  StageRequest,
+  TerrainFiles,
+  TerrainVersions,
+} from "./types";
+
+const BASE = "/api/v1";
+
+export class ApiError extends Error {
+  constructor(
+    readonly status: number,
+    readonly info: ErrorInfo,
+  ) {
+    super(info.message);
+  }
+}
+
+/** The sentence to show for anything that was thrown. */
+export function sentenceOf(error: unknown): string {
+  if (error instanceof ApiError) return error.message;
+  if (error instanceof TypeError) return "The ground server did not answer.";
+  return error instanceof Error ? error.message : String(error);
+}
+
+let operator = "operator";
+
+/** Whose name goes with every request. */
+export function setOperator(name: string): void {
+  // Header values carry Latin-1 only; anything else would make every request throw.
+  operator = name.replace(/[^\x20-\x7e]/g, "").trim() || "operator";
+}
+
+async function errorOf(response: Response): Promise<ApiError> {
+  const fallback: ErrorInfo = {
+    code: "http_" + response.status,
+    message: `The server answered ${response.status} ${response.statusText}.`,
+  };
+  try {
+    const body = (await response.json()) as { error?: ErrorInfo };
+    return new ApiError(response.status, body.error?.message ? body.error : fallback);
+  } catch {
+    return new ApiError(response.status, fallback);
+  }
+}
+
+async function send(path: string, init: RequestInit = {}): Promise<Response> {
+  const headers = new Headers(init.headers);
+  headers.set("X-Operator", operator);
+  const response = await fetch(path.startsWith("/") ? path : `${BASE}/${path}`, {
+    ...init,
+    headers,
+  });
+  if (!response.ok) throw await errorOf(response);
+  return response;
+}
+
+async function json<T>(method: string, path: string, body?: unknown, signal?: AbortSignal) {
+  const response = await send(path, {
+    method,
+    signal: signal ?? null,
+    ...(body === undefined
+      ? {}
+      : { body: JSON.stringify(body), headers: { "Content-Type": "application/json" } }),
+  });
+  const text = await response.text();
+  return (text === "" ? undefined : JSON.parse(text)) as T;
+}
+
+async function bytes(path: string, init: RequestInit = {}): Promise<ArrayBuffer> {
+  return (await send(path, init)).arrayBuffer();
+}
+
+const part = encodeURIComponent;
+
+export const api = {
+  rover: () => json<RoverAnswer>("GET", "rover"),
+  urdf: async (robot: string) => (await send(`robots/${part(robot)}/urdf`)).text(),
+
+  terrainVersions: () => json<TerrainVersions>("GET", "terrain/versions"),
+  tile: (version: string, layer: string, x: number, y: number, signal?: AbortSignal) =>
+    bytes(`terrain/${part(version)}/tiles/${layer}/0/${x}/${y}`, { signal: signal ?? null }),
+  cell: (version: string, x_m: number, y_m: number, signal?: AbortSignal) =>
+    json<CellAnswer>(
+      "GET",
+      `terrain/${part(version)}/cell?x_m=${x_m.toFixed(3)}&y_m=${y_m.toFixed(3)}`,
+      undefined,
+      signal,
+    ),
+  terrainFiles: () => json<TerrainFiles>("GET", "terrain/files"),
+  putTerrainFile: async (name: string, file: Blob) => {
+    await send(`terrain/files/${part(name)}`, { method: "PUT", body: file });
+  },
+  importTerrain: (request: ImportRequest) => json<JobReport>("POST", "terrain/imports", request),
+
+  reachability: (leg: string, signal: AbortSignal) =>
+    bytes("analysis/reachability", {
+      method: "POST",
+      signal,
+      headers: { "Content-Type": "application/json", Accept: "application/octet-stream" },
+      body: JSON.stringify({
+        legs: [leg],
+        resolution_m: 0.1,
+        lift_m: 0.2,
+        stability: "regular",
+      }),
+    }),
+
+  plan: (request: PlanRequest) => json<JobReport>("POST", "plans", request),
+  job: (id: string) => json<JobReport>("GET", `jobs/${part(id)}`),
+  cancelJob: (id: string) => json<unknown>("DELETE", `jobs/${part(id)}`),
+  planResult: (path: string) => json<PlanAnswer>("GET", path),
+
+  commands: () => json<CommandList>("GET", "commands"),
+  stage: (request: StageRequest) => json<CommandRecord>("POST", "commands", request),
+  arm: (id: string) => json<CommandRecord>("POST", `commands/${part(id)}/arm`, {}),
+  sendCommand: (id: string) => json<CommandRecord>("POST", `commands/${part(id)}/send`, {}),
+  cancelCommand: (id: string) => json<CommandRecord>("POST", `commands/${part(id)}/cancel`, {}),
+
+  estop: () => json<EstopAnswer>("POST", "estop", {}),
+  releaseEstop: (token?: string) =>
+    json<EstopAnswer>("POST", "estop/release", token === undefined ? {} : { token }),
+
+  putLink: (config: LinkConfig) => json<LinkReport>("PUT", "link", config),
+
+  logs: () => json<LogList>("GET", "logs"),
+  startReplay: (log: string, rate: number) => json<ReplayState>("POST", "replays", { log, rate }),
+  changeReplay: (id: string, change: ReplayChange) =>
+    json<ReplayState>("PATCH", `replays/${part(id)}`, change),
+  endReplay: (id: string) => json<unknown>("DELETE", `replays/${part(id)}`),
+};

@@ -1,0 +1,161 @@
+// Commands by hand for the chosen leg: joint angles, or the wheel along a line.
+
+import { useState } from "react";
+
+import type { CommandBody, LegModel, Vec3 } from "../../api/types";
+import { DEG, legLabel, metres } from "../../lib/format";
+import { wheelOf } from "../../lib/wheel";
+import { HAND_KEY, stageByHand, useRequests } from "../../store/commands";
+import { useConsole, useLive } from "../../store/console";
+import { useBlocked } from "../../store/permission";
+import { useSelection } from "../../store/selection";
+import { HandCommands } from "./HandCommands";
+import "./hand.css";
+
+export function HandPanel() {
+  const chosen = useSelection((s) => s.leg);
+  const leg = useConsole((s) => s.model?.legs.find((l) => l.name === chosen));
+  const speed = useConsole((s) => s.model?.joint_speed_rad_s ?? 0.1);
+  const joints = useLive((c) => (chosen ? c.rover?.message.state.joints_rad[chosen] : undefined));
+  const failure = useRequests((s) => s.failures[HAND_KEY]);
+  return (
+    <>
+      {leg && joints ? (
+        <>
+          <WheelLine key={`line-${leg.name}`} leg={leg} />
+          <Joints key={leg.name} leg={leg} now_rad={joints} speed={speed} />
+        </>
+      ) : (
+        <p className="section quiet">Choose a leg to move it by hand.</p>
+      )}
+      <section className="section row between">
+        <span className="quiet small">Stop what is under way, stay idle</span>
+        <StageButton body={{ type: "stop" }} label="Stage stop" testId="hand-stop" />
+      </section>
+      {failure && (
+        <p className="section trouble" role="alert">
+          {failure}
+        </p>
+      )}
+      <HandCommands />
+    </>
+  );
+}
+
+function StageButton({
+  body,
+  label,
+  testId,
+}: {
+  body: CommandBody | null;
+  label: string;
+  testId: string;
+}) {
+  const blocked = useBlocked();
+  const busy = useRequests((s) => s.busy[HAND_KEY]);
+  return (
+    <button
+      type="button"
+      className="button"
+      data-testid={testId}
+      disabled={blocked !== null || body === null || busy}
+      title={blocked ?? (body === null ? "Fill in numbers within the limits" : undefined)}
+      onClick={() => body && void stageByHand(body)}
+    >
+      {label}
+    </button>
+  );
+}
+
+function WheelLine({ leg }: { leg: LegModel }) {
+  const [moves, setMoves] = useState(["0", "0", "0.20"]);
+  const contact = useLive((c) => c.rover?.message.contact_points_m[leg.name]);
+  const wheel = useLive((c) => c.rover?.message.state);
+  const deltas = moves.map(Number);
+  const good = deltas.every((d, i) => moves[i] !== "" && Number.isFinite(d) && Math.abs(d) <= 3);
+  const urdf = useConsole((s) => s.urdf);
+  const from = (wheel && urdf !== null && wheelOf(leg.name)) || contact;
+  const target = good && from ? (from.map((v, i) => v + deltas[i]!) as Vec3) : null;
+  const body: CommandBody | null =
+    target && deltas.some((d) => d !== 0)
+      ? { type: "wheel_line", leg: leg.name, position_m: target }
+      : null;
+  return (
+    <section className="section stack" aria-label="Wheel along a line">
+      <h2>Move the wheel of {legLabel(leg.name)} by</h2>
+      <div className="hand-three">
+        {["east", "north", "up"].map((name, i) => (
+          <label key={name} className="field">
+            {name} (m)
+            <input
+              type="number"
+              step={0.05}
+              className="num"
+              data-testid={`line-${name}`}
+              value={moves[i]}
+              onChange={(event) => setMoves(moves.with(i, event.target.value))}
+            />
+          </label>
+        ))}
+      </div>
+      <div className="row between">
+        <span className="quiet small num">
+          {target && `to ${target.map((v) => metres(v)).join(", ")}`}
+        </span>
+        <StageButton body={body} label="Stage line" testId="hand-line" />
+      </div>
+    </section>
+  );
+}
+
+const SHORT = ["hip yaw", "hip pitch", "knee pitch", "knee roll", "ankle pitch", "ankle roll"];
+
+function Joints({ leg, now_rad, speed }: { leg: LegModel; now_rad: number[]; speed: number }) {
+  const [draft, setDraft] = useState<Record<number, string>>({});
+  const target = now_rad.map((q, i) => (draft[i] === undefined ? q : Number(draft[i]) / DEG));
+  const within = target.map((q, i) => {
+    const [low, high] = leg.limits_rad[i] ?? [-Infinity, Infinity];
+    return draft[i] !== "" && Number.isFinite(q) && q >= low - 1e-9 && q <= high + 1e-9;
+  });
+  const far = Math.max(...target.map((q, i) => Math.abs(q - now_rad[i]!)));
+  const good = within.every(Boolean) && far > 1e-4;
+  const knots = [
+    { joints_rad: now_rad, time_s: 0 },
+    { joints_rad: target, time_s: far / speed },
+  ];
+  const body: CommandBody | null = good ? { type: "joint_path", leg: leg.name, knots } : null;
+  return (
+    <section className="section stack" aria-label="Joint angles">
+      <h2>Joint angles of {legLabel(leg.name)}</h2>
+      <div className="hand-three">
+        {now_rad.map((q, i) => {
+          const [low, high] = leg.limits_rad[i] ?? [0, 0];
+          return (
+            <label
+              key={i}
+              className="field"
+              title={`${(low * DEG).toFixed(0)}° to ${(high * DEG).toFixed(0)}°`}
+            >
+              {SHORT[i] ?? leg.joints[i]} (°)
+              <input
+                type="number"
+                step={1}
+                className="num"
+                data-testid={`joint-${i}`}
+                aria-invalid={!within[i]}
+                value={draft[i] ?? (q * DEG).toFixed(1)}
+                onChange={(event) => setDraft({ ...draft, [i]: event.target.value })}
+              />
+            </label>
+          );
+        })}
+      </div>
+      <div className="row between">
+        <button type="button" className="button bare" onClick={() => setDraft({})}>
+          As reported
+        </button>
+        <StageButton body={body} label="Stage joints" testId="hand-joints" />
+      </div>
+    </section>
+  );
+}

@@ -1,0 +1,90 @@
+// The keyboard. E-stop works wherever the focus is; all else not while typing.
+
+import { useEffect } from "react";
+
+import { useConsole } from "../../store/console";
+import { stopRover } from "../../store/estop";
+import { blockedBy } from "../../store/permission";
+import { makePlan, togglePlaying, usePlan } from "../../store/plan";
+import { changeReplay } from "../../store/replay";
+import { chooseLeg, nudgePick, pickAt, useSelection } from "../../store/selection";
+import { aim, nextView, type Overlay, useView } from "../../store/view";
+
+export function useHotkeys(): void {
+  useEffect(() => {
+    document.addEventListener("keydown", onKey, { capture: true });
+    return () => document.removeEventListener("keydown", onKey, { capture: true });
+  }, []);
+}
+
+function onKey(event: KeyboardEvent): void {
+  if (event.key === "F9" || (event.ctrlKey && event.key === ".")) {
+    event.preventDefault();
+    if (!event.repeat) void stopRover();
+    return;
+  }
+  if (event.ctrlKey || event.metaKey || event.altKey) return;
+  const target = event.target instanceof HTMLElement ? event.target : null;
+  if (document.querySelector("dialog[open]")) return;
+  if (target?.closest("input:not([type=radio], [type=checkbox]), select, textarea")) return;
+  // Enter and space press what has the focus; arrows move within a group of radio buttons.
+  const pressable = target?.closest("button, input, a, summary") != null;
+  if (pressable && (event.key === "Enter" || event.key === " " || event.key.startsWith("Arrow"))) {
+    if (!(event.key.startsWith("Arrow") && target?.tagName === "BUTTON")) return;
+  }
+  if (act(event)) event.preventDefault();
+}
+
+const STEP_M = 0.05;
+const ARROWS: Record<string, [number, number]> = {
+  ArrowLeft: [-1, 0],
+  ArrowRight: [1, 0],
+  ArrowUp: [0, 1],
+  ArrowDown: [0, -1],
+};
+
+/** True if the key meant something. */
+function act(event: KeyboardEvent): boolean {
+  const arrow = ARROWS[event.key];
+  if (arrow) {
+    const step = event.shiftKey ? 5 * STEP_M : STEP_M;
+    nudgePick(arrow[0] * step, arrow[1] * step);
+    return true;
+  }
+  const leg = /^[1-9]$/.test(event.key)
+    ? useConsole.getState().model?.legs[Number(event.key) - 1]
+    : undefined;
+  if (leg) {
+    chooseLeg(leg.name);
+    return true;
+  }
+  const action = ACTIONS[event.key];
+  action?.();
+  return action !== undefined;
+}
+
+const ACTIONS: Record<string, () => void> = {
+  Enter: () => {
+    const { leg, pick } = useSelection.getState();
+    const free = blockedBy(useConsole.getState()) === null && usePlan.getState().job === null;
+    if (leg !== null && pick && free) void makePlan(leg, pick);
+  },
+  Escape: () => {
+    if (useSelection.getState().pick) pickAt(null);
+    else chooseLeg(null);
+  },
+  p: togglePlaying,
+  o: () => {
+    const order: Overlay[] = ["none", "traversability", "reachability"];
+    useView.setState((s) => ({ overlay: order[(order.indexOf(s.overlay) + 1) % 3]! }));
+  },
+  v: nextView,
+  f: () => aim("iso"),
+  g: () => useView.setState((s) => ({ forces: !s.forces })),
+  t: () => useView.setState((s) => ({ torqueColors: !s.torqueColors })),
+  " ": () => {
+    const replay = useConsole.getState().stream.replayState;
+    if (replay) void changeReplay({ paused: !replay.paused });
+  },
+  "?": () => useView.setState({ keysOpen: true }),
+};

@@ -1,0 +1,73 @@
+// The legs: choose one, see which stand, and how stable the stance is.
+
+import { capital, legLabel, metres } from "../../lib/format";
+import { useChannels, useConsole } from "../../store/console";
+import { chooseLeg, useSelection } from "../../store/selection";
+import { MarginDial } from "../telemetry/MarginDial";
+import "./legs.css";
+
+export function LegsPanel() {
+  const legs = useConsole((s) => s.model?.legs);
+  const chosen = useSelection((s) => s.leg);
+  const contacts = useChannels((c) => c.rover?.message.contacts);
+  return (
+    <section className="section stack" aria-label="Legs">
+      <div className="leg-buttons" role="group" aria-label="Choose a leg">
+        {legs?.map((leg, i) => (
+          <button
+            key={leg.name}
+            type="button"
+            className="leg-button"
+            data-testid={`leg-${leg.name}`}
+            aria-pressed={chosen === leg.name}
+            aria-label={`${capital(legLabel(leg.name))}, ${contacts?.[leg.name] ? "stands" : "lifted"}`}
+            title={`${capital(legLabel(leg.name))} (key ${i + 1}): ${contacts?.[leg.name] ? "stands" : "lifted"}`}
+            onClick={() => chooseLeg(chosen === leg.name ? null : leg.name)}
+          >
+            {leg.name.replace(/\D+/, "") || leg.name}
+            <i className={contacts?.[leg.name] ? "foot down" : "foot"} aria-hidden />
+          </button>
+        ))}
+      </div>
+      {!legs && <p className="quiet">Waiting for the rover's model.</p>}
+    </section>
+  );
+}
+
+export function StancePanel() {
+  const stability = useChannels((c) => c.stability?.message ?? null);
+  const model = useConsole((s) => s.model);
+  if (!stability || !model) {
+    return (
+      <section className="section" aria-label="Stability">
+        <p className="quiet">No stability known yet.</p>
+      </section>
+    );
+  }
+  const { regular, conservative, conservative_kind, settlement_margin_m, settlement_leg } =
+    stability;
+  const kept =
+    conservative_kind === "area"
+      ? metres(conservative?.margin_m)
+      : conservative_kind === "point"
+        ? "a point"
+        : "none";
+  return (
+    <section className="section stance" aria-label="Stability">
+      <MarginDial margin_m={regular?.margin_m ?? null} needed_m={model.margin_m} />
+      <dl className="facts">
+        <dt title="Margin should any one leg slip">conservative</dt>
+        <dd className="num">{kept}</dd>
+        <dt title={settlement_leg ? `Worst: ${legLabel(settlement_leg)}` : undefined}>
+          after settling
+        </dt>
+        <dd className="num">{metres(settlement_margin_m)}</dd>
+      </dl>
+      {regular?.critical && (
+        <p className="quiet small" data-testid="critical-edge">
+          {capital(regular.critical)} decides
+        </p>
+      )}
+    </section>
+  );
+}

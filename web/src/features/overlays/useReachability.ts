@@ -1,0 +1,43 @@
+// Keeps the reachability of the chosen leg up to date while it is looked at.
+
+import { useEffect } from "react";
+
+import { useConsole } from "../../store/console";
+import { askReach, dropReach, stanceKey, useReach } from "../../store/reach";
+import { useSelection } from "../../store/selection";
+import { useView } from "../../store/view";
+
+/** Stance and map as of now; null without telemetry or while the rover moves. */
+function useBasis(): string | null {
+  return useConsole((s) => {
+    const rover = s.stream.live.rover?.message;
+    return rover && s.terrainVersion ? stanceKey(rover.state, s.terrainVersion) : null;
+  });
+}
+
+export function useReachIsOld(): boolean {
+  const basis = useBasis();
+  const of = useReach((s) => s.basis);
+  return of !== null && of !== basis;
+}
+
+/** Waits until the stance has been still for this long before asking again (ms). */
+const STILL_MS = 600;
+
+export function useReachability(): void {
+  const leg = useSelection((s) => s.leg);
+  const wanted = useView((s) => s.overlay === "reachability");
+  const live = useConsole((s) => s.stream.replayState === null && s.connection === "open");
+  const idle = useConsole((s) => s.stream.live.rover?.message.mode !== "executing");
+  const basis = useBasis();
+  useEffect(() => {
+    if (!wanted || leg === null) dropReach();
+    else if (live && idle && basis !== null) {
+      const known = useReach.getState();
+      if (known.leg === leg && known.basis === basis) return;
+      const wait = known.leg === leg && known.grid ? STILL_MS : 0;
+      const timer = setTimeout(() => void askReach(leg, basis), wait);
+      return () => clearTimeout(timer);
+    }
+  }, [wanted, leg, live, idle, basis]);
+}

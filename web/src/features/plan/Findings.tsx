@@ -1,0 +1,57 @@
+// The checks of a plan, those that fail first.
+
+import { useState } from "react";
+
+import type { PlanFinding } from "../../api/types";
+import { capital, words } from "../../lib/format";
+import { StatusMark } from "../../ui/StatusMark";
+
+export function Findings({ findings }: { findings: PlanFinding[] }) {
+  const failed = findings.filter((f) => !f.ok);
+  const [open, setOpen] = useState(failed.length > 0);
+  if (findings.length === 0) return null;
+  const sorted = [...failed, ...findings.filter((f) => f.ok)];
+  return (
+    <section className="section">
+      <button
+        type="button"
+        className="findings-head"
+        aria-expanded={open}
+        data-testid="findings"
+        onClick={() => setOpen(!open)}
+      >
+        <StatusMark status={failed.length > 0 ? "serious" : "normal"} />
+        {failed.length > 0
+          ? `${failed.length} of ${findings.length} checks do not hold`
+          : `All ${findings.length} checks hold`}
+        <span className="quiet">{open ? "Hide" : "Show"}</span>
+      </button>
+      {open && (
+        <ul className="findings">
+          {sorted.map((finding, i) => (
+            <Row key={i} finding={finding} />
+          ))}
+        </ul>
+      )}
+    </section>
+  );
+}
+
+function Row({ finding }: { finding: PlanFinding }) {
+  const place = [finding.where, finding.detail].filter(Boolean).join(": ");
+  return (
+    <li className="finding">
+      <StatusMark
+        status={finding.ok ? "normal" : "serious"}
+        label={finding.ok ? "holds" : "fails"}
+      />
+      <div>
+        {capital(words(finding.check))}
+        {place && <div className="quiet small">{place}</div>}
+      </div>
+      {finding.margin !== null && Number.isFinite(finding.margin) && (
+        <span className="num">{finding.margin.toFixed(3)}</span>
+      )}
+    </li>
+  );
+}

@@ -1,0 +1,117 @@
+// The preview: a scrubber over the planned step, with the margin of stability along it.
+
+import { Pause, Play } from "lucide-react";
+
+import type { PlanAnswer } from "../../api/types";
+import { metres } from "../../lib/format";
+import { formatSpan } from "../../lib/time";
+import { useConsole } from "../../store/console";
+import { planDuration, scrubTo, stopPlaying, togglePlaying, usePlan } from "../../store/plan";
+
+export function Preview({ plan }: { plan: PlanAnswer }) {
+  const { at_s, playing } = usePlan();
+  const length = planDuration(plan);
+  const phase = plan.waypoints.findLast((w) => w.time_s <= at_s + 1e-6)?.phase ?? "";
+  return (
+    <section className="section stack" aria-label="Preview">
+      <div className="row">
+        <button
+          type="button"
+          className="button icon"
+          data-testid="preview-play"
+          aria-label={playing ? "Hold the preview" : "Play the preview"}
+          title={playing ? "Hold (p)" : "Play (p)"}
+          onClick={togglePlaying}
+        >
+          {playing ? <Pause size={16} /> : <Play size={16} />}
+        </button>
+        <div className="preview-scrub">
+          <input
+            type="range"
+            data-testid="preview-scrub"
+            aria-label="Place in the preview"
+            aria-valuetext={`${formatSpan(at_s)}, ${phase}`}
+            min={0}
+            max={length}
+            step={length / 200 || 0.01}
+            value={at_s}
+            onChange={(event) => {
+              stopPlaying();
+              scrubTo(Number(event.target.value));
+            }}
+          />
+          <MarginStrip plan={plan} length={length} at_s={at_s} />
+        </div>
+      </div>
+      <div className="row between small">
+        <span className="quiet">{phase}</span>
+        <span className="num">
+          {formatSpan(at_s)} / {formatSpan(length)}
+        </span>
+      </div>
+    </section>
+  );
+}
+
+const [W, H] = [220, 34];
+
+/** Margin against time, its least value marked and what the rule asks for as a line. */
+function MarginStrip({ plan, length, at_s }: { plan: PlanAnswer; length: number; at_s: number }) {
+  const needed = useConsole((s) => s.model?.margin_m ?? 0);
+  const samples = plan.margins.filter((m) => Number.isFinite(m.margin_m));
+  if (samples.length < 2 || length <= 0) return null;
+  const most = Math.max(needed * 1.5, ...samples.map((m) => m.margin_m));
+  const least = samples.reduce((a, b) => (b.margin_m < a.margin_m ? b : a));
+  const low = Math.min(0, least.margin_m);
+  const x = (t: number) => (t / length) * W;
+  const y = (m: number) => H - 2 - ((m - low) / (most - low)) * (H - 6);
+  const path = samples
+    .map((m) => `${x(m.time_s).toFixed(1)} ${y(m.margin_m).toFixed(1)}`)
+    .join("L");
+  const short = least.margin_m < needed;
+  return (
+    <div className="margin-strip">
+      <svg
+        viewBox={`0 0 ${W} ${H}`}
+        preserveAspectRatio="none"
+        role="img"
+        aria-label={`Margin along the step, least ${metres(least.margin_m)}`}
+      >
+        <path d={`M${path}L${W} ${H}L0 ${H}Z`} fill="var(--text-2)" opacity="0.16" />
+        <path
+          d={`M${path}`}
+          fill="none"
+          stroke="var(--text-2)"
+          strokeWidth="1.4"
+          vectorEffect="non-scaling-stroke"
+        />
+        <path
+          d={`M0 ${y(needed)}H${W}`}
+          stroke="var(--serious)"
+          strokeDasharray="3 3"
+          strokeWidth="1"
+          vectorEffect="non-scaling-stroke"
+        />
+        <path
+          d={`M${x(at_s)} 0V${H}`}
+          stroke="var(--accent)"
+          strokeWidth="1.5"
+          vectorEffect="non-scaling-stroke"
+        />
+        <path
+          d={`M${x(least.time_s)} ${y(least.margin_m)}h0.01`}
+          stroke={short ? "var(--serious)" : "var(--text)"}
+          strokeWidth="7"
+          strokeLinecap="round"
+          vectorEffect="non-scaling-stroke"
+        />
+      </svg>
+      <div className="row between small">
+        <span className="quiet">margin, least</span>
+        <span className="num" data-testid="least-margin">
+          {metres(least.margin_m)} at {formatSpan(least.time_s)}
+        </span>
+      </div>
+    </div>
+  );
+}

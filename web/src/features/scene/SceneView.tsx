@@ -1,0 +1,204 @@
+// The canvas, what is drawn beside it (scale, north, age), and the pointer.
+
+import { useEffect, useRef, useState } from "react";
+
+import { formatSpan } from "../../lib/time";
+import { offerWheels } from "../../lib/wheel";
+import { bind } from "../../scene/bind";
+import { bestQuality, Viewer } from "../../scene/viewer";
+import { useConsole } from "../../store/console";
+import { useFreshness } from "../../store/freshness";
+import { chooseLeg, hoverAt, pickAt } from "../../store/selection";
+import { useTerrain } from "../../store/terrain";
+import { installHook } from "./debugHook";
+import "./scene.css";
+
+/** Widths that panels cover at the sides (px): the rover is shown in the free middle. */
+interface Props {
+  left: number;
+  right: number;
+}
+
+export function SceneView({ left, right }: Props) {
+  const canvas = useRef<HTMLCanvasElement>(null);
+  const cues = useRef<SVGSVGElement>(null);
+  const viewer = useRef<Viewer | null>(null);
+  const [missing, setMissing] = useState(false);
+
+  useEffect(() => {
+    const element = canvas.current;
+    const quality = bestQuality();
+    if (!element || !quality) {
+      setMissing(true);
+      return;
+    }
+    const made = new Viewer(element, quality);
+    viewer.current = made;
+    made.onFrame = () => drawCues(cues.current, made);
+    const unbind = bind(made);
+    const unhook = installHook(made);
+    offerWheels((leg) => made.robot?.wheel(leg) ?? null);
+    const unpoint = followPointer(element, made);
+    return () => {
+      unpoint();
+      unhook();
+      unbind();
+      offerWheels(() => null);
+      made.dispose();
+      viewer.current = null;
+    };
+  }, []);
+
+  useEffect(() => {
+    const element = canvas.current?.parentElement;
+    if (!element) return;
+    const fit = () =>
+      viewer.current?.resize(element.clientWidth, element.clientHeight, left, right);
+    const observer = new ResizeObserver(fit);
+    observer.observe(element);
+    fit();
+    return () => observer.disconnect();
+  }, [left, right]);
+
+  return (
+    <div className="scene">
+      <canvas
+        ref={canvas}
+        className="scene-canvas"
+        data-testid="canvas"
+        aria-label="Rover and ground in three dimensions. Keys 1 to 6 choose a leg, arrow keys move the pick."
+        role="img"
+      />
+      {missing ? <NoWebGl /> : <SceneNotes right={right} cues={cues} />}
+    </div>
+  );
+}
+
+function NoWebGl() {
+  return (
+    <div className="scene-missing">
+      <strong>The 3-D picture needs WebGL 2, which this browser does not offer</strong>
+      <p className="quiet">
+        Telemetry, plans, commands and E-stop work without it. Places can be picked with the arrow
+        keys: choose a leg first.
+      </p>
+    </div>
+  );
+}
+
+function SceneNotes({
+  right,
+  cues,
+}: {
+  right: number;
+  cues: React.RefObject<SVGSVGElement | null>;
+}) {
+  return (
+    <>
+      <div className="scene-cues" style={{ right: right + 16 }}>
+        <svg ref={cues} width="190" height="40" viewBox="0 0 190 40" aria-hidden>
+          <g data-cue="north" transform="translate(168 20)">
+            <circle r="15" className="cue-ring" />
+            <g data-cue="needle">
+              <path d="M0 -11L4.5 6 0 3 -4.5 6z" className="cue-needle" />
+            </g>
+            <text y="-1" className="cue-n" data-cue="n">
+              N
+            </text>
+          </g>
+          <g data-cue="scale">
+            <path className="cue-line" d="" />
+            <text className="cue-text" y="16" />
+          </g>
+        </svg>
+      </div>
+      <Overhead />
+    </>
+  );
+}
+
+/** Says what the picture lacks or how old it is. */
+function Overhead() {
+  const { age_s, stale } = useFreshness();
+  const terrain = useTerrain((s) => s.state);
+  const progress = useTerrain((s) => s.progress);
+  const terrainFailure = useTerrain((s) => s.failure);
+  const failure = useConsole((s) => s.failure);
+  const loaded = useConsole((s) => s.model !== null);
+  let note: React.ReactNode = null;
+  if (failure) note = `The rover's model could not be loaded. ${failure}`;
+  else if (!loaded) note = "Loading the rover's model…";
+  else if (terrain === "failed") note = `The map could not be loaded. ${terrainFailure ?? ""}`;
+  else if (terrain === "loading") note = `Loading the map: ${Math.round(progress * 100)} %`;
+  else if (age_s === null) note = "No telemetry has come yet.";
+  else if (stale) note = `Shown as it was ${formatSpan(age_s)} ago`;
+  return note === null ? null : (
+    <div className="scene-note panel" role="status">
+      {note}
+    </div>
+  );
+}
+
+const NICE_M = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
+
+/** Scale bar and north arrow follow the camera; written to the SVG without a render of React. */
+function drawCues(svg: SVGSVGElement | null, viewer: Viewer): void {
+  if (!svg) return;
+  const perMetre = viewer.pixelsPerMetre();
+  const length = NICE_M.findLast((m) => m * perMetre <= 120) ?? 0.1;
+  const px = length * perMetre;
+  const start = 140 - px;
+  const scale = svg.querySelector("[data-cue=scale]")!;
+  scale.querySelector("path")!.setAttribute("d", `M${start} 22v6h${px}v-6`);
+  const text = scale.querySelector("text")!;
+  text.setAttribute("x", String(start + px / 2));
+  text.textContent = length >= 1 ? `${length} m` : `${length * 100} cm`;
+  const turn = (-viewer.bearing() * 180) / Math.PI;
+  svg.querySelector("[data-cue=needle]")!.setAttribute("transform", `rotate(${turn})`);
+}
+
+const CLICK_PX = 4;
+
+/** Press without dragging picks; moving shows the cell below. */
+function followPointer(canvas: HTMLCanvasElement, viewer: Viewer): () => void {
+  let down: [number, number] | null = null;
+  let frame = 0;
+  const place = (event: PointerEvent): [number, number] => [event.offsetX, event.offsetY];
+  const onDown = (event: PointerEvent) => {
+    if (event.button === 0) down = place(event);
+  };
+  const onUp = (event: PointerEvent) => {
+    const start = down;
+    down = null;
+    if (!start || event.button !== 0) return;
+    const [x, y] = place(event);
+    if (Math.hypot(x - start[0], y - start[1]) > CLICK_PX) return;
+    const picked = viewer.pick(x, y);
+    if (picked?.kind === "leg") chooseLeg(picked.leg);
+    else if (picked) pickAt(picked.point);
+  };
+  const onMove = (event: PointerEvent) => {
+    if (frame !== 0 || event.buttons !== 0) return;
+    const [x, y] = place(event);
+    frame = requestAnimationFrame(() => {
+      frame = 0;
+      hoverAt(viewer.hover(x, y));
+    });
+  };
+  const onLeave = () => {
+    cancelAnimationFrame(frame);
+    frame = 0;
+    hoverAt(null);
+  };
+  canvas.addEventListener("pointerdown", onDown);
+  canvas.addEventListener("pointerup", onUp);
+  canvas.addEventListener("pointermove", onMove);
+  canvas.addEventListener("pointerleave", onLeave);
+  return () => {
+    cancelAnimationFrame(frame);
+    canvas.removeEventListener("pointerdown", onDown);
+    canvas.removeEventListener("pointerup", onUp);
+    canvas.removeEventListener("pointermove", onMove);
+    canvas.removeEventListener("pointerleave", onLeave);
+  };
+}

@@ -1,0 +1,119 @@
+// The story of the step in one line, and the only place from which anything is sent.
+
+import { Check, Send } from "lucide-react";
+import { useEffect, useRef } from "react";
+
+import type { CommandRecord } from "../../api/types";
+import { commandClock, isOpen, isUnderWay } from "../../lib/commandClock";
+import { legLabel } from "../../lib/format";
+import { STAGES, type Step, stepOf } from "../../lib/step";
+import { formatSpan } from "../../lib/time";
+import { ofPlan, sendArmed, takeBack, useRequests } from "../../store/commands";
+import { useLive } from "../../store/console";
+import { useServerNow } from "../../store/now";
+import { useBlocked } from "../../store/permission";
+import { usePlan } from "../../store/plan";
+import { useSelection } from "../../store/selection";
+import { Ring } from "../../ui/Ring";
+import "./step-strip.css";
+
+function useStep(): { step: Step; armed: CommandRecord | null; now: number } {
+  const now = useServerNow();
+  const leg = useSelection((s) => s.leg);
+  const picked = useSelection((s) => s.pick !== null);
+  const job = usePlan((s) => s.job);
+  const plan = usePlan((s) => s.plan);
+  const all = useLive((c) => c.commands);
+  const commands = plan ? ofPlan(all, plan.id, plan.commands.length) : [];
+  const byHand =
+    all.findLast(
+      (c) => !c.plan && c.state !== "overdue" && (isOpen(c.state) || isUnderWay(c.state)),
+    ) ?? null;
+  const armed =
+    all.findLast((c) => c.state === "armed" && commandClock(c, now).armed_s !== 0) ?? null;
+  return { step: stepOf({ leg, picked, job, plan, commands, byHand, now_ms: now }), armed, now };
+}
+
+export function StepStrip() {
+  const { step, armed, now } = useStep();
+  const at = STAGES.indexOf(step.stage);
+  return (
+    <section className="strip" aria-label="The step">
+      <ol className="stages">
+        {STAGES.map((stage, i) => (
+          <li
+            key={stage}
+            className={i < at ? "stage past" : i === at ? "stage now" : "stage"}
+            aria-current={i === at ? "step" : undefined}
+          >
+            <i aria-hidden>{i < at && <Check size={10} strokeWidth={3} />}</i>
+            {stage}
+          </li>
+        ))}
+      </ol>
+      <div className="strip-say" data-testid="step" data-stage={step.stage}>
+        <p className={step.trouble ? "trouble" : ""} aria-live="polite">
+          {step.sentence}
+        </p>
+        {step.share !== null && !step.yours && (
+          <div className="bar strip-bar">
+            <span style={{ width: `${(100 * step.share).toFixed(1)}%` }} />
+          </div>
+        )}
+      </div>
+      {armed && <SendArmed key={armed.id} command={armed} now={now} />}
+    </section>
+  );
+}
+
+/** `Lift leg 2` → `Send lift to leg 2`. */
+export function sendVerb(command: CommandRecord): string {
+  if (command.body.type === "stop") return "Send stop";
+  const leg = legLabel(command.body.leg);
+  const what = command.title.split(" ")[0]?.toLowerCase() ?? "command";
+  return `Send ${what} to ${leg}`;
+}
+
+function SendArmed({ command, now }: { command: CommandRecord; now: number }) {
+  const clock = commandClock(command, now);
+  const blocked = useBlocked();
+  const busy = useRequests((s) => s.busy[command.id]);
+  const failure = useRequests((s) => s.failures[command.id]);
+  const cancel = useRef<HTMLButtonElement>(null);
+  // What was armed can be taken back by the next press: the harmless choice has the focus.
+  useEffect(() => cancel.current?.focus({ preventScroll: true }), []);
+  const left = clock.armed_s ?? 0;
+  return (
+    <div className="strip-send">
+      {failure && (
+        <span className="trouble small" role="alert">
+          {failure}
+        </span>
+      )}
+      <Ring left={left / 30} label={`Armed for ${formatSpan(left)} more`} />
+      <span className="num strip-left" data-testid="armed-left">
+        {formatSpan(left)}
+      </span>
+      <button
+        ref={cancel}
+        type="button"
+        className="button"
+        data-testid="take-back"
+        onClick={() => void takeBack(command.id)}
+      >
+        Take back
+      </button>
+      <button
+        type="button"
+        className="button primary send"
+        data-testid={command.plan ? `send-${command.plan.index}` : "send-hand"}
+        disabled={blocked !== null || busy}
+        title={blocked ?? undefined}
+        onClick={() => void sendArmed(command.id)}
+      >
+        <Send size={16} aria-hidden />
+        {sendVerb(command)}
+      </button>
+    </div>
+  );
+}

@@ -1,0 +1,157 @@
+// The story of one step, from pick to done: where it is, and what the console waits for.
+
+import type { CommandRecord, JobReport, PlanAnswer } from "../api/types";
+import { commandClock, isUnderWay } from "./commandClock";
+import { legLabel } from "./format";
+import { parseOptional } from "./time";
+
+export const STAGES = ["pick", "plan", "check", "arm", "send", "executing", "done"] as const;
+export type Stage = (typeof STAGES)[number];
+
+export interface StepInputs {
+  leg: string | null;
+  picked: boolean;
+  job: JobReport | null;
+  plan: PlanAnswer | null;
+  /** Present record of each of the plan's commands, by index. */
+  commands: (CommandRecord | undefined)[];
+  /** A command by hand that is open or under way; it comes before the plan. */
+  byHand: CommandRecord | null;
+  now_ms: number;
+}
+
+export interface Step {
+  stage: Stage;
+  /** True where the operator must act, false where the console waits. */
+  yours: boolean;
+  /** Something went wrong at this stage. */
+  trouble: boolean;
+  sentence: string;
+  /** Title of the command the step stands at. */
+  command: string | null;
+  /** Share of the present wait, 0 to 1, where one runs. */
+  share: number | null;
+}
+
+function step(stage: Stage, sentence: string, more: Partial<Step> = {}): Step {
+  return { stage, sentence, yours: true, trouble: false, command: null, share: null, ...more };
+}
+
+export function stepOf(inputs: StepInputs): Step {
+  const { leg, job, plan, byHand } = inputs;
+  if (byHand) return stepOfCommand(byHand, byHand.title, "", inputs.now_ms);
+  if (job && (job.state === "queued" || job.state === "running")) {
+    const sentence = `Planning: ${job.doing || "waiting for a worker"}.`;
+    return step("plan", sentence, { yours: false, share: job.progress });
+  }
+  if (job?.state === "failed") {
+    const sentence = job.error?.message ?? "The planner failed.";
+    return step("plan", sentence, { trouble: true });
+  }
+  if (plan) return stepOfPlan(inputs, plan);
+  if (leg === null) return step("pick", "Choose a leg: click a wheel, or press 1 to 6.");
+  if (!inputs.picked) {
+    return step("pick", `Pick a footfall for ${legLabel(leg)}: click the ground.`);
+  }
+  return step("plan", `Plan a step of ${legLabel(leg)} to the picked place: press Enter.`);
+}
+
+function stepOfPlan(inputs: StepInputs, plan: PlanAnswer): Step {
+  if (plan.outcome !== "found") {
+    return step("check", plan.reason ?? "No path was found. Pick another place.", {
+      trouble: true,
+    });
+  }
+  const count = plan.commands.length;
+  const index = inputs.commands.findIndex((c) => c?.state !== "done");
+  const next = index < 0 || index >= count ? -1 : index;
+  const open = plan.commands.findIndex((_, i) => inputs.commands[i]?.state !== "done");
+  const at = next >= 0 ? next : open;
+  if (at < 0) return step("done", `The step of ${legLabel(plan.leg)} is done. Pick the next.`);
+  const title = plan.commands[at]!.title;
+  const record = inputs.commands[at];
+  if (!record) return unstaged(plan, at, title);
+  return stepOfCommand(record, title, ` (${at + 1} of ${count})`, inputs.now_ms);
+}
+
+/** Where one command stands; `of` says which of how many it is. */
+function stepOfCommand(record: CommandRecord, title: string, of: string, now_ms: number): Step {
+  const clock = commandClock(record, now_ms);
+  const more = { command: title, share: clock.share };
+  switch (record.state) {
+    case "staged":
+      return step("arm", `“${title}”${of} is staged: arm it.`, more);
+    case "armed":
+      if (clock.armed_s === 0) {
+        return step("arm", `The arming of “${title}” has lapsed: arm it again.`, more);
+      }
+      return step("send", `“${title}”${of} is armed: send it or take it back.`, more);
+    case "sent":
+    case "received":
+      return step("send", `“${title}”${of} is on its way: ${clock.waits ?? "waiting for word"}.`, {
+        ...more,
+        yours: false,
+      });
+    case "executing":
+      return step("executing", `The rover executes “${title}”${of}: ${clock.waits}.`, {
+        ...more,
+        yours: false,
+      });
+    case "overdue":
+      return step("send", `“${title}”${of} is overdue: ${clock.waits}.`, {
+        ...more,
+        trouble: true,
+      });
+    case "done":
+      return step("done", `“${title}” is done.`, { command: title });
+    default:
+      return step("arm", `“${title}”${of} ${record.state}${record.why ? `: ${record.why}` : ""}.`, {
+        ...more,
+        trouble: true,
+      });
+  }
+}
+
+function unstaged(plan: PlanAnswer, at: number, title: string): Step {
+  const failed = plan.findings.filter((f) => !f.ok).length;
+  if (at === 0) {
+    const checks = failed === 0 ? "all checks hold" : `${failed} checks do not hold`;
+    return step(
+      "check",
+      `The plan is ready, ${checks}: look at the preview, then stage “${title}”.`,
+      {
+        command: title,
+        trouble: failed > 0,
+      },
+    );
+  }
+  return step("arm", `Next is “${title}”: stage and arm it.`, { command: title });
+}
+
+/** What the command's motion will have done by `now_ms`, as joints of its leg: dead reckoning. */
+export function predictedJoints(
+  command: CommandRecord,
+  now_ms: number,
+): { leg: string; joints_rad: number[] } | null {
+  if (command.body.type !== "joint_path" || !isUnderWay(command.state)) return null;
+  if (command.state === "overdue") return null;
+  const arrives = parseOptional(command.arrives);
+  if (arrives === null || now_ms < arrives) return null;
+  const t = (now_ms - arrives) / 1000;
+  return { leg: command.body.leg, joints_rad: jointsAt(command.body.knots, t) };
+}
+
+/** Joint-linear between knots, held at both ends. */
+export function jointsAt(knots: { joints_rad: number[]; time_s: number }[], t: number): number[] {
+  const first = knots[0];
+  if (!first) return [];
+  if (t <= first.time_s) return first.joints_rad;
+  for (let i = 1; i < knots.length; i++) {
+    const [a, b] = [knots[i - 1]!, knots[i]!];
+    if (t > b.time_s) continue;
+    const span = b.time_s - a.time_s;
+    const s = span > 0 ? (t - a.time_s) / span : 1;
+    return a.joints_rad.map((q, k) => q + s * ((b.joints_rad[k] ?? q) - q));
+  }
+  return knots[knots.length - 1]!.joints_rad;
+}

@@ -1,0 +1,256 @@
+// Ties the stores to the viewer: what changes there is shown here.
+
+import type { RoverTelemetry, Vec3 } from "../api/types";
+import { jointsAt, predictedJoints } from "../lib/step";
+import { useConsole } from "../store/console";
+import { freshnessOf } from "../store/freshness";
+import { shownNow } from "../store/now";
+import { usePlan } from "../store/plan";
+import { useReach } from "../store/reach";
+import { useSelection } from "../store/selection";
+import { type Channels, shown } from "../store/streamState";
+import { useTerrain } from "../store/terrain";
+import { useView } from "../store/view";
+import { REACHABILITY, TRAVERSABILITY } from "./palette";
+import type { Viewer } from "./viewer";
+
+const EDGE_COLORS = { good: "#56f000", low: "#ffb302", out: "#ff3838" };
+const MOVED = 2e-4;
+
+type Unbind = () => void;
+
+/** Shows the stores' present content and follows them until unbound. */
+export function bind(viewer: Viewer): Unbind {
+  const stops = [
+    bindRover(viewer),
+    bindTerrain(viewer),
+    bindSelection(viewer),
+    bindPlan(viewer),
+    bindCamera(viewer),
+  ];
+  return () => stops.forEach((stop) => stop());
+}
+
+function bindRover(viewer: Viewer): Unbind {
+  let before: Channels | null = null;
+  let posed: RoverTelemetry | null = null;
+  let robotOf: string | null = null;
+  let drawn = "";
+  let stale: boolean | null = null;
+
+  const update = () => {
+    const state = useConsole.getState();
+    const { model, urdf } = state;
+    if (model && urdf !== null && robotOf !== model.model_hash) {
+      robotOf = model.model_hash;
+      viewer.setRobot(model, urdf);
+      viewer.robot?.highlight(useSelection.getState().leg);
+      posed = null;
+    }
+    const channels = shown(state.stream);
+    const rover = channels.rover?.message ?? null;
+    if (rover && (!posed || moved(posed, rover))) {
+      posed = rover;
+      viewer.setState(rover.state);
+      // Where the base is decides where the planned leg starts from.
+      showGhost(viewer);
+    }
+    const view = useView.getState();
+    const raster = useTerrain.getState().raster;
+    const look = `${view.forces}${view.polygons}${view.torqueColors}${raster?.z_max_m}${robotOf}`;
+    if (model && (channels !== before || look !== drawn)) {
+      const changed = look !== drawn || stanceChanged(before, channels);
+      before = channels;
+      drawn = look;
+      if (changed)
+        showStance(viewer, channels, model.margin_m, (model.mass_kg * model.gravity_m_s2) / 6);
+    }
+    showPredicted(viewer, channels);
+  };
+
+  const updateStale = () => {
+    const now = freshnessOf(useConsole.getState(), shownNow()).stale;
+    if (now !== stale) {
+      stale = now;
+      viewer.robot?.setStale(now);
+      viewer.invalidate();
+    }
+  };
+
+  const stops = [
+    useConsole.subscribe(() => {
+      update();
+      updateStale();
+    }),
+    useView.subscribe(update),
+    useTerrain.subscribe(update),
+  ];
+  const watch = setInterval(updateStale, 500);
+  update();
+  updateStale();
+  return () => {
+    stops.forEach((stop) => stop());
+    clearInterval(watch);
+  };
+}
+
+function far(a: number[], b: number[]): boolean {
+  return a.length !== b.length || a.some((v, i) => Math.abs(v - b[i]!) > MOVED);
+}
+
+function moved(a: RoverTelemetry, b: RoverTelemetry): boolean {
+  if (far(a.state.base.position_m, b.state.base.position_m)) return true;
+  if (far(a.state.base.orientation_xyzw, b.state.base.orientation_xyzw)) return true;
+  const spin = (t: RoverTelemetry) => Object.values(t.state.wheels_rad ?? {});
+  if (far(spin(a), spin(b))) return true;
+  return Object.entries(b.state.joints_rad).some(([leg, q]) =>
+    far(a.state.joints_rad[leg] ?? [], q),
+  );
+}
+
+/** Telemetry comes ten times a second; most of it says what the last frame said. */
+function stanceChanged(before: Channels | null, now: Channels): boolean {
+  const a = before?.stability?.message;
+  const b = now.stability?.message;
+  if (!a || !b) return a !== b || before?.rover !== now.rover;
+  const force = (c: Channels) => Object.values(c.rover?.message.wheel_forces_n ?? {}).flat();
+  const forcesMoved = force(now).some((v, i) => Math.abs(v - (force(before!)[i] ?? 0)) > 2);
+  return (
+    forcesMoved ||
+    far(a.com_m, b.com_m) ||
+    far(a.regular?.polygon_m.flat() ?? [], b.regular?.polygon_m.flat() ?? []) ||
+    Math.abs(a.torque_ratio - b.torque_ratio) > 0.01
+  );
+}
+
+function showStance(viewer: Viewer, channels: Channels, needed_m: number, unit_n: number): void {
+  const view = useView.getState();
+  const stability = channels.stability?.message ?? null;
+  const margin = stability?.regular?.margin_m ?? -1;
+  const edge = margin < 0 ? "out" : margin < needed_m ? "low" : "good";
+  viewer.stance.setPolygons(view.polygons ? stability : null, viewer.raster, EDGE_COLORS[edge]);
+  viewer.stance.setForces(view.forces ? (channels.rover?.message ?? null) : null, unit_n);
+  viewer.robot?.setTorques(view.torqueColors ? (stability?.torque_ratios ?? null) : null);
+  viewer.invalidate();
+}
+
+/** Where the commands under way should have brought the rover by now. */
+function showPredicted(viewer: Viewer, channels: Channels): void {
+  if (!viewer.robot) return;
+  const replaying = useConsole.getState().stream.replayState !== null;
+  const now = shownNow();
+  const predicted = replaying
+    ? null
+    : channels.commands.map((c) => predictedJoints(c, now)).findLast((p) => p !== null);
+  const reported = predicted && channels.rover?.message.state.joints_rad[predicted.leg];
+  const aim = predicted?.joints_rad ?? [];
+  const apart = reported?.some((q, i) => Math.abs(q - (aim[i] ?? q)) > 0.01) ?? false;
+  const leg = predicted && apart ? predicted.leg : null;
+  if (leg === null && !predictedShown) return;
+  predictedShown = leg !== null;
+  viewer.robot.setPredicted(leg, aim);
+  viewer.invalidate();
+}
+let predictedShown = false;
+
+function bindTerrain(viewer: Viewer): Unbind {
+  let raster: unknown = null;
+  const overlay = () => {
+    const terrain = useTerrain.getState();
+    const { overlay: kind } = useView.getState();
+    const { grid } = useReach.getState();
+    if (terrain.raster !== raster) {
+      raster = terrain.raster;
+      viewer.setRaster(terrain.raster);
+      showPick(viewer);
+      showTrace(viewer);
+    }
+    if (kind === "traversability" && terrain.raster && terrain.classes) {
+      const { shape } = terrain.raster;
+      return { shape, classes: terrain.classes, styles: TRAVERSABILITY };
+    }
+    if (kind === "reachability" && grid) {
+      return { shape: grid.header, classes: grid.classes, styles: REACHABILITY };
+    }
+    return null;
+  };
+  let last: Uint8Array | null = null;
+  const update = () => {
+    const next = overlay();
+    if ((next?.classes ?? null) === last) return;
+    last = next?.classes ?? null;
+    viewer.setOverlay(next);
+  };
+  const stops = [useTerrain, useReach, useView].map((store) =>
+    (store.subscribe as (listener: () => void) => Unbind)(update),
+  );
+  update();
+  return () => stops.forEach((stop) => stop());
+}
+
+function bindSelection(viewer: Viewer): Unbind {
+  const update = () => {
+    showPick(viewer);
+    viewer.robot?.highlight(useSelection.getState().leg);
+    viewer.invalidate();
+  };
+  update();
+  return useSelection.subscribe((now, before) => {
+    if (now.pick !== before.pick || now.leg !== before.leg) update();
+  });
+}
+
+function showPick(viewer: Viewer): void {
+  const { leg, pick } = useSelection.getState();
+  const model = useConsole.getState().model;
+  const radius = model?.legs.find((l) => l.name === leg)?.wheel_radius_m ?? 0.2;
+  viewer.marks.setPick(pick, viewer.raster, radius);
+}
+
+function bindPlan(viewer: Viewer): Unbind {
+  const update = () => {
+    showTrace(viewer);
+    showGhost(viewer);
+  };
+  update();
+  return usePlan.subscribe((now, before) => {
+    if (now.plan !== before.plan) update();
+    else if (now.at_s !== before.at_s) showGhost(viewer);
+  });
+}
+
+const TRACE_POINTS = 80;
+
+function showTrace(viewer: Viewer): void {
+  const { plan } = usePlan.getState();
+  const model = useConsole.getState().model;
+  const length = plan?.waypoints.at(-1)?.time_s ?? 0;
+  let way: Vec3[] = [];
+  if (plan && plan.waypoints.length > 1) {
+    const path = Array.from({ length: TRACE_POINTS + 1 }, (_, i) =>
+      jointsAt(plan.waypoints, (i / TRACE_POINTS) * length),
+    );
+    way = viewer.robot?.trace(plan.leg, path) ?? [];
+  }
+  const radius_m = model?.legs.find((l) => l.name === plan?.leg)?.wheel_radius_m ?? 0.2;
+  const footfall = plan?.footfall && {
+    at: plan.footfall.ground_m,
+    normal: plan.footfall.normal,
+    radius_m,
+  };
+  viewer.marks.setTrace(way, footfall ?? null);
+  viewer.invalidate();
+}
+
+function showGhost(viewer: Viewer): void {
+  const { plan, at_s } = usePlan.getState();
+  const show = plan !== null && plan.waypoints.length > 0;
+  viewer.robot?.setGhost(show ? plan.leg : null, show ? jointsAt(plan.waypoints, at_s) : []);
+  viewer.invalidate();
+}
+
+function bindCamera(viewer: Viewer): Unbind {
+  return useView.subscribe((now, before) => {
+    if (now.aimed !== before.aimed) viewer.aim(now.camera, useSelection.getState().leg);
+  });
+}

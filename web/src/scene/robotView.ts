@@ -1,0 +1,212 @@
+// The robot three times: as reported (solid), as predicted now (hatched), as planned (ghost).
+
+import {
+  BoxGeometry,
+  Color,
+  Group,
+  type Material,
+  Mesh,
+  MeshBasicMaterial,
+  MeshLambertMaterial,
+  MeshStandardMaterial,
+  type Object3D,
+} from "three";
+import type { URDFRobot } from "urdf-loader";
+
+import type { RoverModel, RoverState, Vec3 } from "../api/types";
+import { hatchable, type HatchUniform } from "./hatch";
+import { dress, legPoints, type LinkRole, poseLeg, poseRobot, readUrdf, wheelCenter } from "./urdf";
+import type { LegShape } from "./legPick";
+
+const COLORS: Record<LinkRole, string> = {
+  chassis: "#c9ccd1",
+  upper: "#9aa3ad",
+  lower: "#b9b4aa",
+  wheel: "#3a4048",
+};
+const PAYLOAD_COLOR = "#b08d5a";
+const ACCENT = "#5aa9ff";
+/** Torque colours: quiet below half, yellow to the limit's four fifths, red beyond. */
+const TORQUE: [number, string][] = [
+  [0.5, "#5fb47a"],
+  [0.8, "#d8bf52"],
+  [Infinity, "#d1584f"],
+];
+
+type Solid = MeshLambertMaterial | MeshStandardMaterial;
+
+export class RobotView {
+  readonly group = new Group();
+  private robot: URDFRobot;
+  private ghost: URDFRobot;
+  private predicted: URDFRobot;
+  private readonly stale: HatchUniform = { value: 0 };
+  private readonly materials = new Map<string, Solid>();
+  private readonly extra: Material[] = [];
+  private state: RoverState | null = null;
+  private ghostLeg: string | null = null;
+  private predictedLeg: string | null = null;
+
+  constructor(
+    readonly model: RoverModel,
+    urdf: string,
+    private readonly plain: boolean,
+  ) {
+    this.robot = readUrdf(urdf);
+    this.ghost = readUrdf(urdf);
+    this.predicted = readUrdf(urdf);
+    this.addPayloads();
+    dress(this.robot, model, (role, leg, joint) => this.material(role, leg, joint));
+    this.robot.traverse((node) => {
+      node.castShadow = true;
+    });
+    const ghost = this.keep(
+      new MeshLambertMaterial({
+        color: ACCENT,
+        emissive: new Color(ACCENT).multiplyScalar(0.25),
+        transparent: true,
+        opacity: 0.5,
+        depthWrite: false,
+      }),
+    );
+    dress(this.ghost, model, () => ghost);
+    const now = this.keep(
+      hatchable(new MeshBasicMaterial({ color: "#dfe7ef", transparent: true, opacity: 0.45 }), {
+        value: 1,
+      }),
+    );
+    dress(this.predicted, model, () => now);
+    this.robot.visible = this.ghost.visible = this.predicted.visible = false;
+    this.group.add(this.robot, this.ghost, this.predicted);
+  }
+
+  setState(state: RoverState): void {
+    this.state = state;
+    poseRobot(this.robot, this.model, state);
+    this.robot.visible = true;
+  }
+
+  setStale(stale: boolean): void {
+    this.stale.value = stale ? 1 : 0;
+  }
+
+  highlight(leg: string | null): void {
+    for (const [key, material] of this.materials) {
+      const mine = leg !== null && key.includes(`|${leg}|`);
+      material.emissive.set(mine ? ACCENT : "#000000").multiplyScalar(mine ? 0.42 : 0);
+    }
+  }
+
+  /** Colours of the joints by torque / limit, or the plain ones. */
+  setTorques(ratios: Record<string, number[]> | null): void {
+    for (const [key, material] of this.materials) {
+      const [role, leg = "", joint = "0"] = key.split("|") as [LinkRole, string, string];
+      const ratio = role === "wheel" ? undefined : ratios?.[leg]?.[Number(joint)];
+      const color = TORQUE.find(([limit]) => Math.abs(ratio ?? 0) < limit)?.[1];
+      material.color.set(ratio === undefined || !color ? COLORS[role] : color);
+    }
+  }
+
+  setGhost(leg: string | null, joints_rad: number[]): void {
+    if (leg !== this.ghostLeg) this.only(this.ghost, leg);
+    this.ghostLeg = leg;
+    this.poseOther(this.ghost, leg, joints_rad);
+  }
+
+  setPredicted(leg: string | null, joints_rad: number[]): void {
+    if (leg !== this.predictedLeg) this.only(this.predicted, leg);
+    this.predictedLeg = leg;
+    this.poseOther(this.predicted, leg, joints_rad);
+  }
+
+  /** Centers of a leg's wheel for a row of joint angles, on the base as reported. */
+  trace(leg: string, path: number[][]): Vec3[] {
+    if (!this.state) return [];
+    poseRobot(this.ghost, this.model, this.state);
+    return path.flatMap((joints) => {
+      poseLeg(this.ghost, this.model, leg, joints);
+      this.ghost.updateMatrixWorld(true);
+      const center = wheelCenter(this.ghost, this.model, leg);
+      return center ? [center] : [];
+    });
+  }
+
+  wheel(leg: string): Vec3 | null {
+    return wheelCenter(this.robot, this.model, leg);
+  }
+
+  legShapes(): LegShape[] {
+    return this.model.legs.map((l) => ({
+      leg: l.name,
+      points: legPoints(this.robot, this.model, l.name),
+      wheel_radius_m: l.wheel_radius_m * 1.15,
+    }));
+  }
+
+  dispose(): void {
+    for (const material of [...this.materials.values(), ...this.extra]) material.dispose();
+    this.group.traverse((node) => {
+      if (node instanceof Mesh) node.geometry.dispose();
+    });
+  }
+
+  private poseOther(robot: URDFRobot, leg: string | null, joints_rad: number[]): void {
+    robot.visible = leg !== null && this.state !== null;
+    if (leg === null || !this.state) return;
+    poseRobot(robot, this.model, this.state);
+    poseLeg(robot, this.model, leg, joints_rad);
+    robot.updateMatrixWorld(true);
+  }
+
+  /** Leaves only one leg of a robot to be seen. */
+  private only(robot: URDFRobot, leg: string | null): void {
+    robot.traverse((node: Object3D) => {
+      if (node instanceof Mesh) node.visible = node.userData.leg === leg;
+    });
+  }
+
+  private addPayloads(): void {
+    for (const payload of this.model.payloads) {
+      const link = this.robot.links[payload.link];
+      if (!payload.shape || !link) continue;
+      const box = new Mesh(new BoxGeometry(...payload.shape.box_m));
+      // Payloads are given at the scale that the rover has, links at that of its folder.
+      const inverse = 1 / this.model.scale;
+      box.scale.setScalar(inverse);
+      box.position.set(...payload.com_m).multiplyScalar(inverse);
+      box.name = "payload";
+      link.add(box);
+    }
+  }
+
+  private material(role: LinkRole, leg: string | null, joint: number): Material {
+    const key = `${role}|${leg ?? ""}|${joint}`;
+    const known = this.materials.get(key);
+    if (known) return known;
+    const color = COLORS[role];
+    const solid = this.plain
+      ? new MeshLambertMaterial({ color })
+      : new MeshStandardMaterial({
+          color,
+          roughness: role === "wheel" ? 0.85 : 0.55,
+          metalness: 0.15,
+        });
+    this.materials.set(key, hatchable(solid, this.stale));
+    return solid;
+  }
+
+  /** Payload boxes get their own colour after the links were dressed. */
+  dressPayloads(): void {
+    const material = this.keep(
+      hatchable(new MeshLambertMaterial({ color: PAYLOAD_COLOR }), this.stale),
+    );
+    this.robot.traverse((node) => {
+      if (node instanceof Mesh && node.name === "payload") node.material = material;
+    });
+  }
+
+  private keep<M extends Material>(material: M): M {
+    this.extra.push(material);
+    return material;
+  }
+}

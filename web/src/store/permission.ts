@@ -1,0 +1,17 @@
+// May this console send anything now, and if not, why not.
+
+import { useConsole, type ConsoleState } from "./console";
+
+/** The reason why nothing can be sent, or null. */
+export function blockedBy(state: ConsoleState): string | null {
+  if (state.stream.replayState)
+    return "This is a replay: nothing can be sent. Go back to live first.";
+  if (state.connection !== "open") return "No connection to the ground server.";
+  const estop = state.stream.live.link?.message.estop ?? "clear";
+  if (estop !== "clear") return "An E-stop is in force. Release it first.";
+  return null;
+}
+
+export function useBlocked(): string | null {
+  return useConsole(blockedBy);
+}

@@ -1,0 +1,75 @@
+// Where the chosen leg can stand: asked for when it is looked at, and again when it is outdated.
+
+import { create } from "zustand";
+
+import { api, sentenceOf } from "../api/client";
+import { nodeAt, type ReachGrid, readReachGrid } from "../api/tiles";
+import type { RoverState } from "../api/types";
+
+export interface ReachState {
+  leg: string | null;
+  grid: ReachGrid | null;
+  /** Stance and map that the grid belongs to. */
+  basis: string | null;
+  state: "none" | "loading" | "ready" | "failed";
+  failure: string | null;
+}
+
+const NOTHING: ReachState = { leg: null, grid: null, basis: null, state: "none", failure: null };
+
+export const useReach = create<ReachState>(() => NOTHING);
+
+let asked: AbortController | null = null;
+
+/** A text that changes when the stance moves by more than a hair or the map changes. */
+export function stanceKey(state: RoverState, terrainVersion: string): string {
+  const round = (v: number) => Math.round(v * 500);
+  const pose = [...state.base.position_m, ...state.base.orientation_xyzw].map(round);
+  const joints = Object.values(state.joints_rad).flat().map(round);
+  return `${terrainVersion}|${pose.join()}|${joints.join()}`;
+}
+
+export async function askReach(leg: string, basis: string): Promise<void> {
+  asked?.abort();
+  const mine = new AbortController();
+  asked = mine;
+  const before = useReach.getState();
+  useReach.setState({
+    leg,
+    // An outdated grid of the same leg stays on screen until the new one is there.
+    grid: before.leg === leg ? before.grid : null,
+    state: "loading",
+    failure: null,
+  });
+  try {
+    const grid = readReachGrid(await api.reachability(leg, mine.signal));
+    if (!mine.signal.aborted) useReach.setState({ grid, basis, state: "ready" });
+  } catch (error) {
+    if (mine.signal.aborted) return;
+    useReach.setState({ grid: null, basis, state: "failed", failure: sentenceOf(error) });
+  }
+}
+
+export function dropReach(): void {
+  asked?.abort();
+  asked = null;
+  if (useReach.getState() !== NOTHING) useReach.setState(NOTHING);
+}
+
+export interface ReachCell {
+  class: number;
+  reason: number;
+  missing_m: number;
+  margin_m: number;
+}
+
+export function reachAt(grid: ReachGrid, x: number, y: number): ReachCell | null {
+  const i = nodeAt(grid.header, x, y);
+  if (i < 0) return null;
+  return {
+    class: grid.classes[i]!,
+    reason: grid.reasons[i]!,
+    missing_m: grid.missing[i]!,
+    margin_m: grid.margin[i]!,
+  };
+}

@@ -1,0 +1,81 @@
+// What is shown and how: this console's own business, kept in the browser.
+
+import { create } from "zustand";
+
+import { setOperator } from "../api/client";
+
+export type Overlay = "none" | "traversability" | "reachability";
+export type CameraView = "iso" | "top" | "leg";
+export type RightTab = "step" | "hand" | "telemetry" | "log";
+
+export interface ViewState {
+  overlay: Overlay;
+  forces: boolean;
+  polygons: boolean;
+  torqueColors: boolean;
+  theme: "dark" | "light";
+  operator: string;
+  camera: CameraView;
+  /** Counts requests to aim the camera, so that asking for the same view again does it. */
+  aimed: number;
+  tab: RightTab;
+  rightOpen: boolean;
+  leftOpen: boolean;
+  keysOpen: boolean;
+  importOpen: boolean;
+}
+
+const KEPT = ["forces", "polygons", "torqueColors", "theme", "operator"] as const;
+const STORAGE_KEY = "footfall.view";
+
+function kept(): Partial<ViewState> {
+  try {
+    const stored = JSON.parse(localStorage.getItem(STORAGE_KEY) ?? "{}") as Partial<ViewState>;
+    return Object.fromEntries(KEPT.filter((k) => k in stored).map((k) => [k, stored[k]]));
+  } catch {
+    return {};
+  }
+}
+
+export const useView = create<ViewState>(() => ({
+  overlay: "none",
+  forces: false,
+  polygons: true,
+  torqueColors: false,
+  theme: "dark",
+  operator: "operator",
+  camera: "iso",
+  aimed: 0,
+  tab: "step",
+  rightOpen: true,
+  leftOpen: true,
+  keysOpen: false,
+  importOpen: false,
+  ...kept(),
+}));
+
+function apply(state: ViewState): void {
+  setOperator(state.operator);
+  document.documentElement.dataset.theme = state.theme;
+}
+
+apply(useView.getState());
+useView.subscribe((state, before) => {
+  if (!KEPT.some((k) => state[k] !== before[k])) return;
+  apply(state);
+  try {
+    const values = Object.fromEntries(KEPT.map((k) => [k, state[k]]));
+    localStorage.setItem(STORAGE_KEY, JSON.stringify(values));
+  } catch {
+    // A browser that keeps nothing still shows everything.
+  }
+});
+
+export function aim(camera: CameraView): void {
+  useView.setState((s) => ({ camera, aimed: s.aimed + 1 }));
+}
+
+export function nextView(): void {
+  const order: CameraView[] = ["iso", "top", "leg"];
+  aim(order[(order.indexOf(useView.getState().camera) + 1) % order.length]!);
+}
