@@ -11,8 +11,10 @@
 
 mod block;
 mod explain;
+mod judge;
 mod limits;
 mod step;
+mod sums;
 
 use geometry::{Grid, Raster};
 
@@ -76,15 +78,14 @@ pub fn traversability(
     } else {
         map.heights()
     };
-    let blank = |_: usize, _: usize| f32::NAN;
     let grid = window.grid;
     let mut layers = Layers {
-        slope_rad: Raster::from_fn(grid, blank),
-        roughness_m: Raster::from_fn(grid, blank),
-        step_m: Raster::from_fn(grid, blank),
-        goodness: Raster::from_fn(grid, blank),
-        certainty: Raster::from_fn(grid, |_, _| 0.0),
-        class: Raster::from_fn(grid, |_, _| UNKNOWN),
+        slope_rad: filled(grid, f32::NAN),
+        roughness_m: filled(grid, f32::NAN),
+        step_m: filled(grid, f32::NAN),
+        goodness: filled(grid, f32::NAN),
+        certainty: filled(grid, 0.0),
+        class: filled(grid, UNKNOWN),
         footprint_m: window.cells as f64 * grid.resolution,
         window: window.cells,
         resolution_m: grid.resolution,
@@ -92,6 +93,10 @@ pub fn traversability(
     };
     block::fill(heights, window.cells, limits, &mut layers);
     Ok(layers)
+}
+
+fn filled<T: Copy>(grid: Grid, value: T) -> Raster<T> {
+    Raster::new(grid, vec![value; grid.len()]).expect("one value per node of the grid")
 }
 
 /// The window of a footprint on a map.

@@ -53,7 +53,8 @@ fn a_footprint_keeps_its_roughness_far_from_height_zero() {
     // Nodes at +h and -h like a chess board: the plane is level, the residual is h.
     for lift in [0.0, -4455.0] {
         let grid = grid(20, 0.05);
-        let board = |ix: usize, iy: usize| if (ix + iy) % 2 == 0 { 0.0625 } else { -0.0625 };
+        let board =
+            |ix: usize, iy: usize| if (ix + iy).is_multiple_of(2) { 0.0625 } else { -0.0625 };
         let heights = Raster::from_fn(grid, |ix, iy| (lift + board(ix, iy)) as f32);
         let map = ElevationMap::new(heights, Source::file("board"));
         // 10 x 10 nodes: as many of either color, and level.

@@ -196,7 +196,8 @@ fn detail_leaves_the_nodes_of_the_coarse_map_near_where_they_were() {
 
 #[test]
 fn unusable_recipes_are_refused_by_name() {
-    let changes: [(&str, fn(&mut Recipe)); 10] = [
+    type Change = fn(&mut Recipe);
+    let changes: [(&str, Change); 10] = [
         ("width_m", |r| r.width_m = f64::NAN),
         ("height_m", |r| r.height_m = -3.0),
         ("resolution_m", |r| r.resolution_m = 0.0),

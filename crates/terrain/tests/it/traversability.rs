@@ -193,7 +193,8 @@ fn unusable_footprints_and_limits_are_refused_by_name() {
         let TerrainError::OutOfRange { field, .. } = refused else { panic!("{refused}") };
         assert_eq!(field, "footprint_m");
     }
-    let fields: [(&str, fn(&mut Limits)); 4] = [
+    type Change = fn(&mut Limits);
+    let fields: [(&str, Change); 4] = [
         ("slope_hi_rad", |l| l.slope_hi_rad = l.slope_lo_rad),
         ("roughness_lo_m", |l| l.roughness_lo_m = f64::NAN),
         ("step_hi_m", |l| l.step_hi_m = f64::INFINITY),
