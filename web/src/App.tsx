@@ -1,4 +1,4 @@
-import { ChevronLeft, ChevronRight, Keyboard, Mountain } from "lucide-react";
+import { ChevronLeft, ChevronRight, Mountain } from "lucide-react";
 import { useEffect } from "react";
 
 import { Banner } from "./features/banner/Banner";
@@ -21,7 +21,7 @@ import { start, useConsole } from "./store/console";
 import { loadTerrain, useTerrain } from "./store/terrain";
 import { type RightTab, useView } from "./store/view";
 
-const LEFT_PX = 224;
+const LEFT_PX = 232;
 const RIGHT_PX = 304;
 
 /** Fetches the map whenever its version changes, in live as in replay. */
@@ -95,24 +95,14 @@ function MapSection() {
         {version ? version.source : "No map"}
         {version?.synthetic_detail && ", synthetic detail"}
       </span>
-      <span className="row map-buttons">
-        <button
-          type="button"
-          className="button bare"
-          data-testid="import-open"
-          onClick={() => useView.setState({ importOpen: true })}
-        >
-          <Mountain size={16} aria-hidden /> New map
-        </button>
-        <button
-          type="button"
-          className="button bare"
-          title="Keys (?)"
-          onClick={() => useView.setState({ keysOpen: true })}
-        >
-          <Keyboard size={16} aria-hidden /> Keys
-        </button>
-      </span>
+      <button
+        type="button"
+        className="button bare"
+        data-testid="import-open"
+        onClick={() => useView.setState({ importOpen: true })}
+      >
+        <Mountain size={16} aria-hidden /> New map
+      </button>
     </section>
   );
 }

@@ -148,19 +148,20 @@ export class Viewer {
     } else if (view === "top") {
       this.rig.aim([base[0], base[1], z], [0, -0.002, 1], 2.7 * size, at_once);
     } else {
-      this.rig.aim([base[0], base[1], z + 0.17 * size], [-0.55, -1, 0.62], 2.5 * size, at_once);
+      this.rig.aim([base[0], base[1], z + 0.17 * size], [-0.16, -1, 0.72], 2.75 * size, at_once);
     }
     this.invalidate(true);
   }
 
-  /** What is under a place of the canvas (px). */
-  pick(x: number, y: number): Picked | null {
+  /** What is under a place of the canvas (px); the chosen leg does not hide the ground behind it. */
+  pick(x: number, y: number, chosen: string | null): Picked | null {
     const ray = this.ray(x, y);
     const point = this.raster && pickGround(this.raster, ray);
     const leg = this.robot && this.state ? pickLeg(this.robot.legShapes(), ray) : null;
     // The direction is a unit vector, so that lengths along it are metres.
     const ground = point ? distance(point, ray.origin) : Infinity;
-    if (leg && leg.t < ground) return { kind: "leg", leg: leg.leg };
+    if (leg && leg.t < ground && !(point && leg.leg === chosen))
+      return { kind: "leg", leg: leg.leg };
     return point ? { kind: "ground", point } : null;
   }
 

@@ -71,12 +71,12 @@ export function CellReadout() {
         <Fact name="height" value={known ? metres(cell?.height_m ?? point[2]) : "not seen"} />
         <Fact name="slope" value={degrees(cell?.slope_rad)} />
         <Fact name="step" value={metres(cell?.step_m)} />
-        <Fact name="roughness" value={metres(cell?.roughness_m, 3)} />
+        <Fact name="rough" value={metres(cell?.roughness_m, 3)} />
         <Fact
           name="ground"
           value={TRAVERSABILITY.find((s) => s.value === kind)?.name ?? "unknown"}
         />
-        <Fact name="certainty" value={cell?.certainty == null ? "–" : cell.certainty.toFixed(2)} />
+        <Fact name="certain" value={cell?.certainty == null ? "–" : cell.certainty.toFixed(2)} />
       </dl>
       {reach && <WhyNot reach={reach} />}
       {failure && <p className="quiet small">{failure}</p>}

@@ -1,6 +1,6 @@
 // The bar on top, left to right: mode, link and age, delays, worst status, clocks, E-stop.
 
-import { Moon, Sun } from "lucide-react";
+import { Keyboard, Moon, Sun } from "lucide-react";
 
 import { formatClock, formatDay, formatSpan } from "../../lib/time";
 import { causesOf, type Status } from "../../store/causes";
@@ -24,6 +24,16 @@ export function GlobalBar() {
       <Health />
       <span className="global-bar-space" />
       <Clocks />
+      <button
+        type="button"
+        className="button bare icon"
+        title="Keys (?)"
+        aria-label="Keys"
+        data-testid="keys-open"
+        onClick={() => useView.setState({ keysOpen: true })}
+      >
+        <Keyboard size={16} />
+      </button>
       <ThemeButton />
       <Estop />
     </header>

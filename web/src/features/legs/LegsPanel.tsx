@@ -54,6 +54,7 @@ export function StancePanel() {
         : "none";
   return (
     <section className="section stance" aria-label="Stability">
+      <h2>Stability margin</h2>
       <MarginDial margin_m={regular?.margin_m ?? null} needed_m={model.margin_m} />
       <dl className="facts">
         <dt title="Margin should any one leg slip">conservative</dt>
@@ -64,8 +65,12 @@ export function StancePanel() {
         <dd className="num">{metres(settlement_margin_m)}</dd>
       </dl>
       {regular?.critical && (
-        <p className="quiet small" data-testid="critical-edge">
-          {capital(regular.critical)} decides
+        <p
+          className="quiet small critical-edge"
+          data-testid="critical-edge"
+          title={regular.critical}
+        >
+          decided by {regular.critical}
         </p>
       )}
     </section>

@@ -1,12 +1,10 @@
 // What is laid over the ground, with its legend, and what else is drawn.
 
-import { Compass, Maximize2 } from "lucide-react";
-
 import { HATCH, type ClassStyle, REACHABILITY, TRAVERSABILITY } from "../../scene/palette";
 import { useReach } from "../../store/reach";
 import { useSelection } from "../../store/selection";
 import { useTerrain } from "../../store/terrain";
-import { aim, nextView, type Overlay, useView } from "../../store/view";
+import { type Overlay, useView } from "../../store/view";
 import { useReachIsOld } from "./useReachability";
 import "./overlays.css";
 
@@ -57,19 +55,6 @@ export function DrawingPanel() {
         on={torqueColors}
         set={(on) => useView.setState({ torqueColors: on })}
       />
-      <div className="row view-buttons">
-        <button type="button" className="button bare" title="Next view (v)" onClick={nextView}>
-          <Compass size={16} aria-hidden /> View
-        </button>
-        <button
-          type="button"
-          className="button bare"
-          title="Fit the rover (f)"
-          onClick={() => aim("iso")}
-        >
-          <Maximize2 size={16} aria-hidden /> Fit
-        </button>
-      </div>
     </section>
   );
 }

@@ -11,7 +11,7 @@ import { planDuration, scrubTo, stopPlaying, togglePlaying, usePlan } from "../.
 export function Preview({ plan }: { plan: PlanAnswer }) {
   const { at_s, playing } = usePlan();
   const length = planDuration(plan);
-  const phase = plan.waypoints.findLast((w) => w.time_s <= at_s + 1e-6)?.phase ?? "";
+  const phase = plan.waypoints.find((w) => w.time_s >= at_s - 1e-6)?.phase ?? "";
   return (
     <section className="section stack" aria-label="Preview">
       <div className="row">

@@ -1,5 +1,6 @@
 // The canvas, what is drawn beside it (scale, north, age), and the pointer.
 
+import { Compass, Maximize2 } from "lucide-react";
 import { useEffect, useRef, useState } from "react";
 
 import { formatSpan } from "../../lib/time";
@@ -8,8 +9,9 @@ import { bind } from "../../scene/bind";
 import { bestQuality, Viewer } from "../../scene/viewer";
 import { useConsole } from "../../store/console";
 import { useFreshness } from "../../store/freshness";
-import { chooseLeg, hoverAt, pickAt } from "../../store/selection";
+import { chooseLeg, hoverAt, pickAt, useSelection } from "../../store/selection";
 import { useTerrain } from "../../store/terrain";
+import { aim, nextView } from "../../store/view";
 import { installHook } from "./debugHook";
 import "./scene.css";
 
@@ -96,6 +98,26 @@ function SceneNotes({
   return (
     <>
       <div className="scene-cues" style={{ right: right + 16 }}>
+        <span className="scene-buttons">
+          <button
+            type="button"
+            className="button icon"
+            aria-label="Next view"
+            title="Next view: side, top, leg (v)"
+            onClick={nextView}
+          >
+            <Compass size={16} />
+          </button>
+          <button
+            type="button"
+            className="button icon"
+            aria-label="Fit the rover"
+            title="Fit the rover (f)"
+            onClick={() => aim("iso")}
+          >
+            <Maximize2 size={16} />
+          </button>
+        </span>
         <svg ref={cues} width="190" height="40" viewBox="0 0 190 40" aria-hidden>
           <g data-cue="north" transform="translate(168 20)">
             <circle r="15" className="cue-ring" />
@@ -173,7 +195,7 @@ function followPointer(canvas: HTMLCanvasElement, viewer: Viewer): () => void {
     if (!start || event.button !== 0) return;
     const [x, y] = place(event);
     if (Math.hypot(x - start[0], y - start[1]) > CLICK_PX) return;
-    const picked = viewer.pick(x, y);
+    const picked = viewer.pick(x, y, useSelection.getState().leg);
     if (picked?.kind === "leg") chooseLeg(picked.leg);
     else if (picked) pickAt(picked.point);
   };

@@ -50,7 +50,9 @@ export function MarginDial({ margin_m, needed_m }: { margin_m: number | null; ne
           <StatusMark status={status} label={status} />
           <strong className="num margin-figure">{metres(margin_m)}</strong>
         </div>
-        <div className="quiet small">margin, needs {metres(needed_m)}</div>
+        <div className="quiet small" title="Least margin that the margin rule asks for">
+          needs {metres(needed_m)}
+        </div>
       </div>
     </div>
   );
