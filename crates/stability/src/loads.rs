@@ -33,8 +33,8 @@ pub fn spring_share(
     weight_n: f64,
 ) -> Option<Vec<f64>> {
     let support = regular(contacts_in_g).ok()?;
-    let inside = support.depth_of(com_in_g.xy()) >= -BORDER_SLACK; // false for a CoM that is NaN
-    if !inside || !weight_n.is_finite() {
+    let known = weight_n.is_finite() && com_in_g.coords.iter().all(|v| v.is_finite());
+    if !known || support.depth_of(com_in_g.xy()) < -BORDER_SLACK {
         return None;
     }
     // With the center of mass as origin, the farthest foot at 1 and the weight 1, the loads are
@@ -52,7 +52,11 @@ pub fn spring_share(
             break;
         }
         let Some(step) = newton_step(&feet, &c, &unbalance) else { break };
-        c += step * exact_line_search(&feet, &c, &step);
+        let length = exact_line_search(&feet, &c, &step);
+        if length <= 0.0 {
+            break;
+        }
+        c += step * length;
     }
     Some(feet.iter().map(|p| c.dot(p).max(0.0) * weight_n).collect())
 }
@@ -71,6 +75,7 @@ fn newton_step(
 }
 
 /// The length along `step` at which D is least: its slope there is piecewise linear and rising.
+/// Zero if rounding leaves nothing to gain.
 fn exact_line_search(feet: &[Vector3<f64>], c: &Vector3<f64>, step: &Vector3<f64>) -> f64 {
     let slope = |t: f64| {
         feet.iter().map(|p| (c + step * t).dot(p).max(0.0) * step.dot(p)).sum::<f64>() - step.x
@@ -78,13 +83,15 @@ fn exact_line_search(feet: &[Vector3<f64>], c: &Vector3<f64>, step: &Vector3<f64
     let kink = |p: &Vector3<f64>| -c.dot(p) / step.dot(p);
     let mut kinks: Vec<f64> = feet.iter().map(kink).filter(|t| t.is_finite() && *t > 0.0).collect();
     kinks.sort_by(f64::total_cmp);
-    // Between two kinks, and beyond the last, the slope is linear.
     let (mut from, mut slope_from) = (0.0, slope(0.0));
+    if slope_from >= 0.0 {
+        return 0.0;
+    }
+    // Between two kinks, and beyond the last, the slope is linear; it is negative at `from`.
     for to in kinks {
         let slope_to = slope(to);
         if slope_to >= 0.0 {
-            return from
-                + (to - from) * slope_from / (slope_from - slope_to).min(-f64::MIN_POSITIVE);
+            return from + (to - from) * (slope_from / (slope_from - slope_to));
         }
         (from, slope_from) = (to, slope_to);
     }
