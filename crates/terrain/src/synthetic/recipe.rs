@@ -29,12 +29,14 @@ pub struct Recipe {
     pub crater_diameter_min_m: f64,
     /// Largest crater (m).
     pub crater_diameter_max_m: f64,
-    /// Radius around the center that no rock or crater touches, for a rover to stand (m).
+    /// Radius around the center that no rock or crater touches, for a rover to stand
+    /// (m); its relief stays.
     pub flat_center_m: f64,
 }
 
 impl Recipe {
-    /// The demo: mare-like ground with rocks up to 0.8 m and some craters, 24 m x 24 m.
+    /// The demo: mare-like ground with rocks up to 0.8 m and some craters, 24 m x 24 m, with a clear
+    /// place of 3.5 m radius in the middle.
     pub fn boulder_field() -> Recipe {
         Recipe {
             width_m: 24.0,
@@ -48,7 +50,7 @@ impl Recipe {
             crater_density: 0.25,
             crater_diameter_min_m: 0.8,
             crater_diameter_max_m: 6.0,
-            flat_center_m: 0.0,
+            flat_center_m: 3.5,
         }
     }
 

@@ -68,6 +68,7 @@ fn rocks_cover_the_share_of_ground_that_their_law_states() {
         crater_density: 0.0,
         rock_diameter_min_m: 0.05,
         rock_diameter_max_m: 2.5,
+        flat_center_m: 0.0,
         ..Recipe::boulder_field()
     };
     for k in [0.02, 0.06, 0.19] {
@@ -97,7 +98,12 @@ fn rocks_cover_the_share_of_ground_that_their_law_states() {
 
 #[test]
 fn craters_are_as_many_as_their_law_states() {
-    let recipe = Recipe { rock_abundance: 0.0, resolution_m: 0.5, ..Recipe::boulder_field() };
+    let recipe = Recipe {
+        rock_abundance: 0.0,
+        resolution_m: 0.5,
+        flat_center_m: 0.0,
+        ..Recipe::boulder_field()
+    };
     let n = 40;
     let scenes = scenes(&recipe, n);
     for least in [0.8, 1.5, 2.5] {
@@ -134,7 +140,7 @@ fn every_large_rock_stands_out_of_the_ground_around_it() {
 #[test]
 fn the_flat_center_is_free_of_rocks_and_craters() {
     let recipe = Recipe { flat_center_m: 3.0, ..Recipe::boulder_field() };
-    let bare = generate(&Recipe { flat_center_m: 0.0, ..relief(0.7, 3.0) }, 5).unwrap();
+    let bare = generate(&relief(0.7, 3.0), 5).unwrap();
     let scene = generate_scene(&recipe, 5).unwrap();
     let mut n_changed = 0;
     for (i, z) in scene.map.heights().values().iter().enumerate() {
