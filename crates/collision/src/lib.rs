@@ -7,6 +7,7 @@
 //! - [`Scene`]: robot, map and obstacles, prepared once.
 //! - [`LegChecker`]: one moving leg against everything else, with the rest of the robot cached.
 //! - [`survey`]: the whole robot in one posture.
+//! - [`touchdowns`]: ways to put a wheel down at a place of the map.
 //! - [`wheel_ground`]: how high a wheel is above the ground and where it would touch.
 
 mod checker;
@@ -14,10 +15,12 @@ mod pairs;
 mod scene;
 mod solid;
 mod survey;
+mod touchdown;
 mod wheel;
 
 pub use checker::{Clearance, ContactZone, LegChecker, Touch, Violation};
 pub use pairs::Body;
 pub use scene::{Obstacle, Scene, SceneError};
 pub use survey::{PairDistance, Survey, survey};
+pub use touchdown::{FootfallPlace, NoTouchdown, Touchdown, footfall_place, touchdowns};
 pub use wheel::{WheelGap, WheelGround, contact_center, wheel_ground};
