@@ -1,6 +1,26 @@
 //! One leg from here to there: SBL, smoothing, step assembly, the final check.
+//!
+//! A planner's result depends on its inputs, its seed and its work budget alone; deadlines and
+//! cancellation come in through a [`Watch`]. Outcomes are answers, not errors. Frame `world`,
+//! meters, radians, seconds.
+//!
+//! - [`plan_step`]: lift, transit and drop of one leg (F75), or its transit alone.
+//! - [`sbl`]: the planner as published (F68-F74); [`smooth`]: Dijkstra and bisection (F77-F79).
+//! - [`check`]: the final check, which alone decides whether a step may be offered.
 
+mod answer;
+pub mod check;
+mod leg_space;
+pub mod line;
 pub mod sbl;
 pub mod smooth;
 pub mod space;
-pub mod watch;
+mod step;
+mod watch;
+
+pub use answer::{
+    Finding, Footfall, Outcome, Phase, Planner, Statistics, StepAnswer, StepRequest, Target,
+    Waypoint,
+};
+pub use step::plan_step;
+pub use watch::{Stage, Stopped, Unwatched, Watch};
