@@ -39,11 +39,13 @@ pub struct Violation {
 /// Where the moving wheel may touch the ground: about its start or its goal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactZone {
-    /// The point of contact.
+    /// The point of contact when the wheel stands.
     pub contact: Point3<f64>,
+    /// Center of the wheel when it stands.
+    pub center: Point3<f64>,
     /// Horizontal radius within which ground may be touched (m).
     pub radius: f64,
-    /// The zone ends when the wheel is higher than this above its contact (m).
+    /// The zone ends when the wheel is higher than this above where it stands (m).
     pub height: f64,
     /// How deep a standing wheel may be in the ground (m).
     pub ground_tolerance: f64,
@@ -152,9 +154,9 @@ impl<'a> LegChecker<'a> {
         let moving: Vec<Placed> =
             self.moving.iter().map(|part| Placed::new(part, posture)).collect();
         let wheel = posture.wheel(self.scene.robot(), self.leg);
-        let low = wheel.lowest_point(&nalgebra::Vector3::z_axis());
+        let center = wheel.center();
         let zone = zone.filter(|z| {
-            (low.xy() - z.contact.xy()).norm() <= z.radius && low.z <= z.contact.z + z.height
+            (center.xy() - z.center.xy()).norm() <= z.radius && center.z <= z.center.z + z.height
         });
         let mut found = Vec::new();
         // From the wheel inward: the wheel meets things first.

@@ -211,10 +211,11 @@ impl<'a> Planning<'a> {
         Err(Failure::new(0, Outcome::Unstable, text))
     }
 
-    fn zone(&self, contact: Point3<f64>) -> ContactZone {
+    fn zone(&self, contact: Point3<f64>, wheel: &Isometry3<f64>) -> ContactZone {
         let rules = self.scene.robot().stance();
         ContactZone {
             contact,
+            center: wheel.translation.vector.into(),
             radius: rules.contact_radius,
             height: rules.contact_height,
             ground_tolerance: rules.ground_tolerance,
@@ -241,8 +242,8 @@ impl<'a> Planning<'a> {
                 }
             };
         };
-        let zone = Some(self.zone(contact));
         let wheel = self.posture.wheel(self.scene.robot(), self.leg()).world_from_wheel;
+        let zone = Some(self.zone(contact, &wheel));
         let robot = self.scene.robot();
         let goal = self.above(&wheel);
         let knots = wheel_line(robot, &self.posture, self.leg(), &self.angles(), &goal)
@@ -390,7 +391,7 @@ impl<'a> Planning<'a> {
             Goal::Touchdown(t) => (t.angles, footfall_of(t)),
             Goal::Angles(angles) => (*angles, self.footfall_at(angles)?),
         };
-        let zone = self.zone(footfall.contact);
+        let zone = self.zone(footfall.contact, &footfall.world_from_wheel);
         space.zone = Some(zone);
         let blocked = space.blocked(&angles);
         space.zone = None;

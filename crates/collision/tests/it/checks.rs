@@ -102,6 +102,7 @@ fn the_moving_wheel_may_touch_only_in_its_zone() {
     let contact = wheel.lowest_point(&Vector3::z_axis());
     let zone = |at: Point3<f64>| ContactZone {
         contact: at,
+        center: at + Vector3::new(0.0, 0.0, 0.264),
         radius: 0.15,
         height: 0.05,
         ground_tolerance: 0.02,

@@ -1,1 +1,46 @@
-//! x
+//! Steps of the athlete on planes, slopes and boulder fields, and SBL in seeded scenes.
+#![allow(clippy::unwrap_used)]
+
+use std::sync::Arc;
+
+use collision::{Obstacle, Scene};
+use nalgebra::Vector3;
+use rover::{Configuration, LegId, Payload, Posture, Robot};
+use terrain::ElevationMap;
+
+mod sbl_scenes;
+mod steps;
+
+fn athlete() -> Robot {
+    let folder = "robots/athlete/";
+    Robot::from_folder(
+        &testkit::fixture_text(&format!("{folder}robot.toml")),
+        |file| Some(testkit::fixture_text(&format!("{folder}{file}"))),
+        |_| false,
+    )
+    .unwrap()
+}
+
+/// The demo mission's rover: 300 kg on the chassis.
+fn loaded() -> Arc<Robot> {
+    let payload = Payload {
+        link: "chassis".into(),
+        mass: 300.0,
+        com: nalgebra::Point3::new(0.0, 0.0, 0.25),
+        box_size: Some(Vector3::new(1.2, 1.2, 0.5)),
+    };
+    Arc::new(athlete().with_payloads(&[payload]).unwrap())
+}
+
+fn scene(robot: Arc<Robot>, obstacles: &[Obstacle]) -> Scene {
+    Scene::new(robot, ElevationMap::plane(20.0, 0.25).unwrap(), obstacles).unwrap()
+}
+
+/// All wheels on the plane z = 0 in the bent pose.
+fn standing(robot: &Robot) -> Configuration {
+    let mut configuration = robot.pose("bent").unwrap();
+    let posture = Posture::new(robot, &configuration);
+    let low = posture.wheel(robot, LegId(0)).lowest_point(&Vector3::z_axis());
+    configuration.world_from_base.translation.z = -low.z;
+    configuration
+}
