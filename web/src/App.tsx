@@ -3,6 +3,7 @@ import { useEffect } from "react";
 
 import { Banner } from "./features/banner/Banner";
 import { CellReadout } from "./features/cell/CellReadout";
+import { EstopBanner } from "./features/estop/Estop";
 import { GlobalBar } from "./features/global-bar/GlobalBar";
 import { HandPanel } from "./features/hand/HandPanel";
 import { ImportDialog } from "./features/import/ImportDialog";
@@ -45,6 +46,7 @@ export function App() {
     <div className={edge} data-mode={replay ? "replay" : "live"}>
       <GlobalBar />
       <Banner />
+      <EstopBanner />
       <main className="stage-area">
         <SceneView left={leftOpen ? LEFT_PX + 16 : 0} right={rightOpen ? RIGHT_PX + 16 : 0} />
         <LeftPanels />

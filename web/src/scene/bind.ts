@@ -43,7 +43,11 @@ function bindRover(viewer: Viewer): Unbind {
     const { model, urdf } = state;
     if (model && urdf !== null && robotOf !== model.model_hash) {
       robotOf = model.model_hash;
-      viewer.setRobot(model, urdf);
+      try {
+        viewer.setRobot(model, urdf);
+      } catch (error) {
+        useConsole.setState({ failure: error instanceof Error ? error.message : String(error) });
+      }
       viewer.robot?.highlight(useSelection.getState().leg);
       posed = null;
     }

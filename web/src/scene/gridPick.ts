@@ -24,7 +24,8 @@ export function pickGround(raster: HeightRaster, ray: Ray): Vec3 | null {
   if (!clip(span, ov, dv, 0, size[1] - 1)) return null;
   if (!clip(span, oz, dz, raster.z_min_m - 1e-6, raster.z_max_m + 1e-6)) return null;
 
-  let [t, end] = span;
+  const end = span[1];
+  let t = span[0];
   let i = clampCell(Math.floor(ou + t * du), size[0]);
   let j = clampCell(Math.floor(ov + t * dv), size[1]);
   const [stepU, stepV] = [Math.sign(du), Math.sign(dv)];

@@ -99,9 +99,8 @@ export class HeightRaster {
 /** Spreads known heights into the unknown along rows, then along columns. */
 function fillUnknown(z: Float32Array, [w, h]: [number, number], otherwise: number): void {
   const line = (start: number, step: number, count: number) => {
-    let last = NaN;
     for (let pass = 0; pass < 2; pass++) {
-      last = NaN;
+      let last = NaN;
       for (let k = 0; k < count; k++) {
         const i = start + (pass === 0 ? k : count - 1 - k) * step;
         if (Number.isNaN(z[i]!)) z[i] = last;

@@ -18,9 +18,9 @@ export interface ClassStyle {
 export const UNKNOWN_STYLE = { color: "#77828e", hatch: "rising", strength: 0.35 } as const;
 
 export const TRAVERSABILITY: ClassStyle[] = [
-  { value: 3, name: "safe", color: "#3fa38b", hatch: "none", strength: 0.42 },
+  { value: 3, name: "safe", color: "#3fa38b", hatch: "none", strength: 0.24 },
   { value: 2, name: "caution", color: "#cfa63f", hatch: "dots", strength: 0.5 },
-  { value: 1, name: "unsafe", color: "#b8504c", hatch: "cross", strength: 0.55 },
+  { value: 1, name: "unsafe", color: "#a83f3e", hatch: "cross", strength: 0.58 },
   { value: 0, name: "unknown", ...UNKNOWN_STYLE },
 ];
 

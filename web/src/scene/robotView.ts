@@ -44,6 +44,8 @@ export class RobotView {
   private readonly materials = new Map<string, Solid>();
   private readonly extra: Material[] = [];
   private state: RoverState | null = null;
+  private chosen: string | null = null;
+  private torques = false;
   private ghostLeg: string | null = null;
   private predictedLeg: string | null = null;
 
@@ -91,14 +93,19 @@ export class RobotView {
   }
 
   highlight(leg: string | null): void {
+    this.chosen = leg;
     for (const [key, material] of this.materials) {
       const mine = leg !== null && key.includes(`|${leg}|`);
-      material.emissive.set(mine ? ACCENT : "#000000").multiplyScalar(mine ? 0.42 : 0);
+      // Torque colours must stay readable on the chosen leg.
+      const strength = this.torques ? 0.16 : 0.42;
+      material.emissive.set(mine ? ACCENT : "#000000").multiplyScalar(mine ? strength : 0);
     }
   }
 
   /** Colours of the joints by torque / limit, or the plain ones. */
   setTorques(ratios: Record<string, number[]> | null): void {
+    this.torques = ratios !== null;
+    this.highlight(this.chosen);
     for (const [key, material] of this.materials) {
       const [role, leg = "", joint = "0"] = key.split("|") as [LinkRole, string, string];
       const ratio = role === "wheel" ? undefined : ratios?.[leg]?.[Number(joint)];

@@ -16,11 +16,13 @@ import type { RoverModel, RoverState, Vec3 } from "../api/types";
 /** Reads a URDF without fetching anything: meshes are left out, capsules become three shapes. */
 export function readUrdf(text: string): URDFRobot {
   const document = new DOMParser().parseFromString(text, "application/xml");
+  const root = document.documentElement;
+  if (root?.nodeName !== "robot") throw new Error("The rover's URDF cannot be read.");
   expandCapsules(document);
   const loader = new URDFLoader();
   loader.parseCollision = false;
   loader.loadMeshCb = (_path, _manager, _material, done) => done(new Group());
-  return loader.parse(document);
+  return loader.parse(root);
 }
 
 const numbers = (text: string | null) => (text ?? "").trim().split(/\s+/).map(Number);

@@ -144,7 +144,12 @@ export class Viewer {
     if (view === "leg" && wheel) {
       const out = new Vector3(wheel[0] - base[0], wheel[1] - base[1], 0).normalize();
       const side: Vec3 = [out.x - 0.9 * out.y, out.y + 0.9 * out.x, 0.75];
-      this.rig.aim([wheel[0], wheel[1], wheel[2] + 0.3], side, 1.15 * size, at_once);
+      this.rig.aim(
+        [0.7 * wheel[0] + 0.3 * base[0], 0.7 * wheel[1] + 0.3 * base[1], wheel[2] + 0.2],
+        side,
+        1.6 * size,
+        at_once,
+      );
     } else if (view === "top") {
       this.rig.aim([base[0], base[1], z], [0, -0.002, 1], 2.7 * size, at_once);
     } else {

@@ -19,12 +19,16 @@ export const useRequests = create<RequestState>(() => ({ busy: {}, failures: {} 
 /** Identities of commands whose staging was asked for, so that a repeat stages nothing twice. */
 const identities = new Map<string, string>();
 
+function without<T>(record: Record<string, T>, key: string): Record<string, T> {
+  return Object.fromEntries(Object.entries(record).filter(([k]) => k !== key));
+}
+
 async function ask(key: string, work: () => Promise<CommandRecord | undefined>): Promise<boolean> {
   if (useRequests.getState().busy[key]) return false;
-  useRequests.setState((s) => {
-    const { [key]: _, ...failures } = s.failures;
-    return { busy: { ...s.busy, [key]: true }, failures };
-  });
+  useRequests.setState((s) => ({
+    busy: { ...s.busy, [key]: true },
+    failures: without(s.failures, key),
+  }));
   try {
     const record = await work();
     if (record) noteCommand(record);
@@ -33,10 +37,7 @@ async function ask(key: string, work: () => Promise<CommandRecord | undefined>):
     useRequests.setState((s) => ({ failures: { ...s.failures, [key]: sentenceOf(error) } }));
     return false;
   } finally {
-    useRequests.setState((s) => {
-      const { [key]: _, ...busy } = s.busy;
-      return { busy };
-    });
+    useRequests.setState((s) => ({ busy: without(s.busy, key) }));
   }
 }
 

@@ -24,6 +24,7 @@ function Lost() {
       <span className="num">
         {left_s > 0 ? `Next attempt in ${formatSpan(left_s)}` : "Trying…"}
       </span>
+      <span className="banner-space" />
       <button type="button" className="button" onClick={retryNow}>
         Try now
       </button>

@@ -13,11 +13,11 @@ import {
 } from "../../store/estop";
 import { useServerNow } from "../../store/now";
 import { Ring } from "../../ui/Ring";
+import { StatusMark } from "../../ui/StatusMark";
+import "../banner/banner.css";
 import "./estop.css";
 
 export function Estop() {
-  const state = useEstopState();
-  const asking = useEstop((s) => s.asking);
   const reach = useConsole((s) => s.stream.live.link?.message.config.up_delay_s ?? null);
   const effect = reach === null ? "" : ` Takes effect ${formatSpan(reach)} after sending.`;
   return (
@@ -34,20 +34,24 @@ export function Estop() {
         <span>E-STOP</span>
         <kbd>F9</kbd>
       </button>
-      <EstopNote state={state} asking={asking} />
     </div>
   );
 }
 
-function EstopNote({ state, asking }: { state: string; asking: boolean }) {
+/** Full width below the bar while an E-stop is in force: what is true now, and the way out. */
+export function EstopBanner() {
+  const state = useEstopState();
+  const asking = useEstop((s) => s.asking);
   const now = useServerNow();
   const { takesEffect_ms, token, tokenUntil_ms, failure } = useEstop();
   const connected = useConsole((s) => s.connection === "open");
   if (failure) {
     return (
-      <div className="estop-note panel" role="alert" data-testid="estop-note">
-        <strong className="estop-failure">{failure}</strong>
+      <div className="banner" role="alert" data-testid="estop-note">
+        <StatusMark status="critical" />
+        <strong>{failure}</strong>
         {!connected && <span className="quiet">The way to the ground server is down.</span>}
+        <span className="banner-space" />
         {state !== "clear" && <Release token={null} left_s={0} asking={asking} />}
         <button
           type="button"
@@ -63,8 +67,10 @@ function EstopNote({ state, asking }: { state: string; asking: boolean }) {
   const left_s = takesEffect_ms === null ? 0 : (takesEffect_ms - now) / 1000;
   const token_s = (tokenUntil_ms - now) / 1000;
   return (
-    <div className="estop-note panel" role="alert" data-testid="estop-note" data-state={state}>
+    <div className="banner" role="alert" data-testid="estop-note" data-state={state}>
+      <StatusMark status="serious" />
       <EstopWords state={state} left_s={left_s} />
+      <span className="banner-space" />
       {state !== "release_sent" && (
         <Release token={token_s > 0 ? token : null} left_s={token_s} asking={asking} />
       )}
@@ -118,7 +124,7 @@ function Release({
     );
   }
   return (
-    <div className="row between">
+    <div className="row">
       <span className="row">
         <Ring left={left_s / 10} label={`${formatSpan(left_s)} left to confirm`} />
         <span className="quiet">Motion becomes possible.</span>

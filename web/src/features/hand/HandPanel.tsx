@@ -84,7 +84,7 @@ function WheelLine({ leg }: { leg: LegModel }) {
     <section className="section stack" aria-label="Wheel along a line">
       <h2>Move the wheel of {legLabel(leg.name)} by</h2>
       <div className="hand-three">
-        {["east", "north", "up"].map((name, i) => (
+        {["x", "y", "up"].map((name, i) => (
           <label key={name} className="field">
             {name} (m)
             <input

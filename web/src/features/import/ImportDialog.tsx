@@ -1,29 +1,28 @@
 // A new map: from a file of the server's folder, from an uploaded one, or generated.
 
-import { useEffect, useRef, useState } from "react";
+import { useState } from "react";
 
 import { api, ApiError, sentenceOf } from "../../api/client";
 import type { JobReport } from "../../api/types";
 import { followJob } from "../../store/console";
 import { useBlocked } from "../../store/permission";
 import { useView } from "../../store/view";
+import { Dialog } from "../../ui/Dialog";
 import { ImportFields } from "./ImportFields";
 import { EMPTY_DRAFT, type ImportDraft, requestOf } from "./importDraft";
 import "./import.css";
 
 export function ImportDialog() {
   const open = useView((s) => s.importOpen);
-  return open ? <Dialog /> : null;
+  return open ? <NewMap /> : null;
 }
 
-function Dialog() {
-  const dialog = useRef<HTMLDialogElement>(null);
+function NewMap() {
   const [draft, setDraft] = useState<ImportDraft>(EMPTY_DRAFT);
   const [job, setJob] = useState<JobReport | null>(null);
   const [failure, setFailure] = useState<string | null>(null);
   const blocked = useBlocked();
   const request = requestOf(draft);
-  useEffect(() => dialog.current?.showModal(), []);
   const close = () => useView.setState({ importOpen: false });
   const running = job !== null && (job.state === "queued" || job.state === "running");
 
@@ -42,13 +41,7 @@ function Dialog() {
   };
 
   return (
-    <dialog
-      ref={dialog}
-      className="import"
-      aria-label="New map"
-      onClose={close}
-      data-testid="import"
-    >
+    <Dialog label="New map" testId="import" onClose={close}>
       <header className="section">
         <strong>New map</strong>
         <p className="quiet small">
@@ -93,6 +86,6 @@ function Dialog() {
           </button>
         </span>
       </footer>
-    </dialog>
+    </Dialog>
   );
 }

@@ -1,6 +1,5 @@
-import { useEffect, useRef } from "react";
-
 import { useView } from "../../store/view";
+import { Dialog } from "../../ui/Dialog";
 import { KEYS } from "./keys";
 import "./keys.css";
 
@@ -10,19 +9,12 @@ export function KeySheet() {
 }
 
 function Sheet() {
-  const dialog = useRef<HTMLDialogElement>(null);
-  useEffect(() => dialog.current?.showModal(), []);
+  const close = () => useView.setState({ keysOpen: false });
   return (
-    <dialog
-      ref={dialog}
-      className="import key-sheet"
-      aria-label="Keys"
-      data-testid="keys"
-      onClose={() => useView.setState({ keysOpen: false })}
-    >
+    <Dialog label="Keys" testId="keys" onClose={close}>
       <header className="section row between">
         <strong>Keys</strong>
-        <button type="button" className="button" onClick={() => dialog.current?.close()}>
+        <button type="button" className="button" onClick={close}>
           Close
         </button>
       </header>
@@ -38,6 +30,6 @@ function Sheet() {
           </div>
         ))}
       </dl>
-    </dialog>
+    </Dialog>
   );
 }

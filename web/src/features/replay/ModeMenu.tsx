@@ -15,7 +15,7 @@ export function ModeMenu() {
   const simulated = useConsole((s) => s.simulated);
   const label = (
     <>
-      <span className="mode-chip" data-testid="mode">
+      <span className={replay ? "mode-tag replay" : "mode-chip"} data-testid="mode">
         {replay ? "REPLAY" : "LIVE"}
       </span>
       {simulated && <span className="mode-tag">SIM</span>}

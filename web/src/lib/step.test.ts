@@ -1,0 +1,110 @@
+import { describe, expect, it } from "vitest";
+
+import type { CommandRecord, CommandState, JobReport, PlanAnswer } from "../api/types";
+import { jointsAt, predictedJoints, type StepInputs, stepOf } from "./step";
+
+const T0 = Date.UTC(2026, 10, 23, 15);
+const at = (s: number) => new Date(T0 + 1000 * s).toISOString();
+
+const knots = [
+  { joints_rad: [0, 0], time_s: 0 },
+  { joints_rad: [1, -2], time_s: 4 },
+];
+
+function record(state: CommandState, index = 0): CommandRecord {
+  return {
+    id: `c${index}`,
+    body: { type: "joint_path", leg: "leg2", knots },
+    title: "Lift leg 2",
+    plan: { plan_id: "p", index },
+    state,
+    operator: "o",
+    staged: at(0),
+    armed_until: at(30),
+    sent: at(0),
+    arrives: at(1.3),
+    earliest_ack: at(2.6),
+    overdue_after: at(6),
+    duration_s: 4,
+    progress: 0,
+  };
+}
+
+const plan = {
+  id: "p",
+  outcome: "found",
+  reason: null,
+  leg: "leg2",
+  findings: [{ check: "margin", ok: true, margin: 0.2 }],
+  commands: ["Lift leg 2", "Move leg 2 across", "Put leg 2 down"].map((title) => ({ title })),
+} as unknown as PlanAnswer;
+
+function look(inputs: Partial<StepInputs>) {
+  const { stage, yours, trouble } = stepOf({
+    leg: null,
+    picked: false,
+    job: null,
+    plan: null,
+    commands: [],
+    byHand: null,
+    now_ms: T0 + 500,
+    ...inputs,
+  });
+  return `${stage}${yours ? "" : " waits"}${trouble ? " trouble" : ""}`;
+}
+
+const job = (state: JobReport["state"]) =>
+  ({ id: "j", kind: "plan", state, progress: 0.4, doing: "searching" }) as JobReport;
+
+describe("a step goes from left to right", () => {
+  const chosen = { leg: "leg2", picked: true };
+  const story: [string, Partial<StepInputs>][] = [
+    ["pick", {}],
+    ["pick", { leg: "leg2" }],
+    ["plan", chosen],
+    ["plan waits", { ...chosen, job: job("running") }],
+    ["check", { ...chosen, plan }],
+    ["arm", { ...chosen, plan, commands: [record("staged")] }],
+    ["send", { ...chosen, plan, commands: [record("armed")] }],
+    ["send waits", { ...chosen, plan, commands: [record("sent")] }],
+    ["executing waits", { ...chosen, plan, commands: [record("executing")] }],
+    ["arm", { ...chosen, plan, commands: [record("done")] }],
+    ["send waits", { ...chosen, plan, commands: [record("done"), record("sent", 1)] }],
+    ["done", { ...chosen, plan, commands: [0, 1, 2].map((i) => record("done", i)) }],
+  ];
+  it.each(story.map(([stage, inputs], i) => [i, stage, inputs] as const))(
+    "moment %i: %s",
+    (_, stage, inputs) => expect(look(inputs)).toBe(stage),
+  );
+});
+
+describe("trouble is told where it is", () => {
+  it.each<[string, Partial<StepInputs>]>([
+    ["plan trouble", { job: job("failed") }],
+    ["check trouble", { plan: { ...plan, outcome: "unreachable" } as PlanAnswer }],
+    ["send trouble", { plan, commands: [record("overdue")] }],
+    ["arm trouble", { plan, commands: [record("expired")] }],
+    ["arm trouble", { plan, commands: [record("failed")] }],
+    ["arm", { plan, commands: [record("armed")], now_ms: T0 + 31_000 }],
+  ])("%s", (stage, inputs) => expect(look(inputs)).toBe(stage));
+
+  it("a command by hand comes before the plan", () => {
+    expect(look({ plan, byHand: record("executing") })).toBe("executing waits");
+  });
+});
+
+describe("dead reckoning", () => {
+  it("is joint-linear between knots and holds at the ends", () => {
+    expect(jointsAt(knots, -1)).toEqual([0, 0]);
+    expect(jointsAt(knots, 1)).toEqual([0.25, -0.5]);
+    expect(jointsAt(knots, 9)).toEqual([1, -2]);
+    expect(jointsAt([], 1)).toEqual([]);
+  });
+
+  it("starts when the command arrives, and says nothing of what is not under way", () => {
+    expect(predictedJoints(record("sent"), T0 + 1000)).toBeNull();
+    expect(predictedJoints(record("sent"), T0 + 3300)?.joints_rad).toEqual([0.5, -1]);
+    expect(predictedJoints(record("done"), T0 + 3300)).toBeNull();
+    expect(predictedJoints(record("overdue"), T0 + 9300)).toBeNull();
+  });
+});
