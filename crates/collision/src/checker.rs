@@ -277,7 +277,7 @@ pub(crate) fn near_ground(
         || aabb.mins.y < grid.origin.y
         || aabb.maxs.x > far.x
         || aabb.maxs.y > far.y;
-    if outside || scene.holes.as_ref().is_some_and(|holes| holes.max_over(min, max) > 0.0) {
+    if outside || over_a_hole(scene, min, max) {
         return GroundNear::Unknown(*center);
     }
     if map.max_over(min, max) < aabb.mins.z - reach {
@@ -303,6 +303,18 @@ pub(crate) fn near_ground(
         limit > 0.0
     });
     nearest.map_or(GroundNear::Clear, GroundNear::Near)
+}
+
+/// Does the rectangle touch a square of the map with an unknown corner? The pyramid is quick but
+/// sees farther than the rectangle, so its yes is looked at node by node.
+fn over_a_hole(scene: &Scene, min: Point2<f64>, max: Point2<f64>) -> bool {
+    if !scene.holes.as_ref().is_some_and(|holes| holes.max_over(min, max) > 0.0) {
+        return false;
+    }
+    let heights = scene.map().heights();
+    let pad = nalgebra::Vector2::repeat(heights.grid().resolution);
+    let (xs, ys) = heights.grid().nodes_within(min - pad, max + pad);
+    ys.into_iter().any(|iy| xs.clone().any(|ix| heights.at(ix, iy).is_nan()))
 }
 
 /// Calls `visit` with each known triangle of the squares that the rectangle touches, until it

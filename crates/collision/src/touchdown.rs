@@ -12,7 +12,7 @@ use crate::scene::Scene;
 use crate::wheel::{contact_center, wheel_ground};
 
 /// Yaws tried about the ground's normal (rad), from the one that keeps the knee roll small.
-const YAWS: [f64; 6] = [0.0, 0.524, -0.524, 1.047, -1.047, 1.571];
+const YAWS: [f64; 7] = [0.0, 0.524, -0.524, 1.047, -1.047, 1.571, -1.571];
 /// Pitches of the fork tried about the axle (rad), 0 being along the normal.
 const FORK_PITCHES: [f64; 5] = [0.0, 0.262, -0.262, 0.524, -0.524];
 /// Most that seating may shift a wheel, as a share of its radius: beyond, the ground under it is

@@ -142,7 +142,7 @@ impl<'a> Planning<'a> {
         );
         let mut space = LegSpace::new(&checker, &robot, &self.posture, guard.as_ref());
         let departure = self.departure(&mut space)?;
-        let result = self.to_some_arrival(&departure, &mut space, watch);
+        let result = self.reach_some_arrival(&departure, &mut space, watch);
         self.statistics.n_checked = space.n_checked;
         let (arrival, transit) = result?;
         let waypoints = self.waypoints(&departure, &transit, &arrival);
@@ -290,7 +290,7 @@ impl<'a> Planning<'a> {
     }
 
     /// Tries the ways to end the step, best first, until one can be reached.
-    fn to_some_arrival(
+    fn reach_some_arrival(
         &mut self,
         departure: &Departure,
         space: &mut LegSpace,
