@@ -1,0 +1,173 @@
+//! What the rover watches while a leg moves, and predicts before it does.
+
+use collision::{ContactZone, LegChecker, Scene, Touch};
+use geometry::ConvexPolygon;
+use rover::{LegAngles, LegId, Posture};
+use stability::support_polygon;
+
+use crate::command::Refusal;
+use crate::path::TimedPath;
+use crate::stand::{Foot, foot, names_without, standing, support_without};
+
+/// Largest change of a joint between two looks (rad): some 5 mm of the wheel at full reach.
+pub(crate) const LOOK: f64 = 0.002;
+
+/// Largest change of a joint between two looks of the prediction (rad) ...
+const LOOK_AHEAD: f64 = 0.05;
+/// ... and most looks of it, however long the path.
+const LOOKS_AHEAD_MAX: f64 = 20_000.0;
+
+/// Why the rover stopped itself. The leg is where all was still well.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[allow(missing_docs)] // each variant is its message
+pub enum Fault {
+    #[error("{leg}'s wheel met the ground {from_goal:.2} m before its goal")]
+    WheelMetGround { leg: String, from_goal: f64 },
+    #[error("{link} met {what}, with the wheel {from_goal:.2} m before its goal")]
+    LinkMet { link: String, what: String, from_goal: f64 },
+    #[error("{link} came over unknown ground, with the wheel {from_goal:.2} m before its goal")]
+    UnknownGround { link: String, from_goal: f64 },
+    #[error(
+        "{leg} is off the ground and the center of mass would come {outside:.3} m outside the support of {standing}"
+    )]
+    Unsupported { leg: String, standing: String, outside: f64 },
+    #[error("{leg} would leave the ground with fewer than 3 other wheels standing")]
+    TooFewFeet { leg: String },
+}
+
+/// Refuses a path on which the rover would tip over: somewhere the leg is off the ground and the
+/// center of mass is outside the support of the others.
+///
+/// The path is looked at every 0.05 rad of joint motion; the guard looks closer when it comes.
+pub(crate) fn predict_support(
+    scene: &Scene,
+    posture: &Posture,
+    feet: &[Foot],
+    leg: LegId,
+    path: &TimedPath,
+) -> Result<(), Refusal> {
+    let robot = scene.robot();
+    let balance = Balance::new(feet, leg);
+    let speed = robot.motion().joint_speed;
+    let n = (path.duration() * speed / LOOK_AHEAD).ceil().clamp(1.0, LOOKS_AHEAD_MAX);
+    let mut moved = posture.clone();
+    for i in 0..=n as usize {
+        moved.move_leg(robot, leg, &path.at(path.duration() * i as f64 / n));
+        if let Err(outside) = balance.holds(scene, &moved, feet) {
+            let name = robot.leg(leg).name.clone();
+            return Err(match outside {
+                Some(outside) => Refusal::Unsupported {
+                    leg: name,
+                    standing: names_without(scene, feet, leg),
+                    outside,
+                },
+                None => Refusal::TooFewFeet { leg: name, n_standing: balance.n_others },
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Whether the rover stands while one leg moves.
+struct Balance {
+    leg: LegId,
+    n_others: usize,
+    /// Support of the legs that do not move.
+    others: Option<ConvexPolygon>,
+}
+
+impl Balance {
+    fn new(feet: &[Foot], leg: LegId) -> Balance {
+        let n_others = standing(feet).iter().filter(|(other, _)| *other != leg).count();
+        Balance { leg, n_others, others: support_without(feet, leg) }
+    }
+
+    /// `Err` if the rover tips over in `posture`, with how far the center of mass is outside (m),
+    /// or `None` if the other legs have no support at all.
+    fn holds(&self, scene: &Scene, posture: &Posture, feet: &[Foot]) -> Result<(), Option<f64>> {
+        let com = posture.center_of_mass(scene.robot());
+        let depth = self.others.as_ref().map(|others| others.depth_of(com.xy()));
+        if depth.is_some_and(|depth| depth >= 0.0) {
+            return Ok(());
+        }
+        // The moving leg bears too as long as its wheel stands.
+        let moving = foot(scene, posture, self.leg);
+        let mut feet = feet.to_vec();
+        feet[self.leg.0] = moving;
+        let contacts: Vec<_> = standing(&feet).into_iter().map(|(_, contact)| contact).collect();
+        let all = support_polygon::regular(&contacts).ok();
+        if moving.stands && all.is_some_and(|all| all.depth_of(com.xy()) >= 0.0) {
+            return Ok(());
+        }
+        Err(depth.map(|depth| -depth))
+    }
+}
+
+/// Watches one leg that moves while the rest of the robot stands.
+pub(crate) struct Guard<'a> {
+    scene: &'a Scene,
+    feet: &'a [Foot],
+    checker: LegChecker<'a>,
+    balance: Balance,
+    zone: ContactZone,
+    goal: Posture,
+}
+
+impl<'a> Guard<'a> {
+    /// A guard for `leg` on its way to the angles `goal`, with the robot as in `posture`.
+    pub fn new(
+        scene: &'a Scene,
+        posture: &Posture,
+        feet: &'a [Foot],
+        leg: LegId,
+        goal: &LegAngles,
+    ) -> Guard<'a> {
+        // The wheel may touch ground anywhere, as deep as a standing wheel may be.
+        let zone = ContactZone {
+            contact: feet[leg.0].point,
+            center: posture.wheel(scene.robot(), leg).center(),
+            radius: f64::INFINITY,
+            height: f64::INFINITY,
+            ground_tolerance: scene.robot().stance().ground_tolerance,
+        };
+        Guard {
+            scene,
+            feet,
+            checker: LegChecker::new(scene, posture, leg, None, None),
+            balance: Balance::new(feet, leg),
+            zone,
+            goal: posture.with_leg(scene.robot(), leg, goal),
+        }
+    }
+
+    /// What is wrong with the leg as in `posture`, if anything.
+    pub fn look(&self, posture: &Posture) -> Option<Fault> {
+        let robot = self.scene.robot();
+        let leg = self.checker.leg();
+        if let Some(touched) = self.checker.collision(posture, Some(&self.zone)) {
+            let wheel = |posture: &Posture| posture.wheel(robot, leg).center();
+            let from_goal = (wheel(&self.goal) - wheel(posture)).norm();
+            let name = |link: rover::LinkId| robot.links()[link.0].name.clone();
+            let met = |link, what| Fault::LinkMet { link: name(link), what, from_goal };
+            return Some(match touched.touch {
+                Touch::Ground(link) if link == robot.leg(leg).wheel_link => {
+                    Fault::WheelMetGround { leg: robot.leg(leg).name.clone(), from_goal }
+                }
+                Touch::Ground(link) => met(link, "the ground".into()),
+                Touch::Links(a, b) => met(a, name(b)),
+                Touch::Obstacle(link, index) => met(link, format!("obstacle {index}")),
+                Touch::UnknownGround(link) => Fault::UnknownGround { link: name(link), from_goal },
+            });
+        }
+        let name = robot.leg(leg).name.clone();
+        match self.balance.holds(self.scene, posture, self.feet) {
+            Ok(()) => None,
+            Err(Some(outside)) => Some(Fault::Unsupported {
+                leg: name,
+                standing: names_without(self.scene, self.feet, leg),
+                outside,
+            }),
+            Err(None) => Some(Fault::TooFewFeet { leg: name }),
+        }
+    }
+}

@@ -1,0 +1,26 @@
+//! The simulated rover: a rigid stand-in that takes commands and reports frames as a real one does.
+//!
+//! The rover is rigid and statically stable (F9): while it stands on three braked wheels or more
+//! its base does not move, and one leg moves at a time. No compliance, no slip, no dynamics. Time
+//! comes in through [`SimRover::advance`] alone; there is no clock, no random number, no I/O, and
+//! the same calls give the same frames. Frame `world` (z up), meters, radians, newtons.
+//!
+//! - [`settle`]: a configuration in which the rover stands on a map near a wished place;
+//! - [`SimRover`]: commands in, [`Event`]s and [`Frame`]s out, with its own guards and E-stop.
+
+mod command;
+mod frame;
+mod guard;
+mod line;
+mod memory;
+mod path;
+mod rover;
+mod settle;
+mod stand;
+
+pub use command::{Basis, Command, ID_LENGTH_MAX, KNOTS_MAX, Motion, Refusal, START_TOLERANCE_RAD};
+pub use frame::{Event, Executing, Frame, Mode, Stage};
+pub use guard::Fault;
+pub use memory::REMEMBERED_IDS;
+pub use rover::{ReseatError, SimRover, StandError};
+pub use settle::{Misfit, SettleError, SettleOptions, Settled, settle};

@@ -1,0 +1,1 @@
+//! The simulated rover on planes, slopes, synthetic and real ground.
