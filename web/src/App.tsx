@@ -28,9 +28,15 @@ const RIGHT_PX = 304;
 /** Fetches the map whenever its version changes, in live as in replay. */
 function useTerrainOfVersion(): void {
   const version = useConsole((s) => s.terrainVersion);
+  const connected = useConsole((s) => s.connection === "open");
   useEffect(() => {
     if (version !== null) void loadTerrain(version);
   }, [version]);
+  useEffect(() => {
+    if (connected && version !== null && useTerrain.getState().state === "failed") {
+      void loadTerrain(version);
+    }
+  }, [connected, version]);
 }
 
 export function App() {

@@ -150,12 +150,12 @@ function showPredicted(viewer: Viewer, channels: Channels): void {
   const aim = predicted?.joints_rad ?? [];
   const apart = reported?.some((q, i) => Math.abs(q - (aim[i] ?? q)) > 0.01) ?? false;
   const leg = predicted && apart ? predicted.leg : null;
-  if (leg === null && !predictedShown) return;
-  predictedShown = leg !== null;
+  const shownBefore = useView.getState().predicted;
+  if (leg === null && !shownBefore) return;
+  if (shownBefore !== (leg !== null)) useView.setState({ predicted: leg !== null });
   viewer.robot.setPredicted(leg, aim);
   viewer.invalidate();
 }
-let predictedShown = false;
 
 function bindTerrain(viewer: Viewer): Unbind {
   let raster: unknown = null;

@@ -4,12 +4,20 @@ import { create } from "zustand";
 
 import { api, sentenceOf } from "../api/client";
 import { localNow, Stream } from "../api/stream";
-import type { JobReport, ReplayState, RoverAnswer, RoverModel, StreamFrame } from "../api/types";
+import type {
+  CommandRecord,
+  JobReport,
+  ReplayState,
+  RoverAnswer,
+  RoverModel,
+  StreamFrame,
+} from "../api/types";
 import { parseTime } from "../lib/time";
 import { noteHello, notePong } from "./clock";
 import {
   type Channels,
   closeReplay,
+  isLater,
   NO_STREAM,
   openReplay,
   reduce,
@@ -32,6 +40,9 @@ export interface ConsoleState {
   urdf: string | null;
   simulated: boolean;
   logId: string | null;
+  /** Map of the live rover. */
+  liveTerrain: string | null;
+  /** Map of what is shown. */
   terrainVersion: string | null;
   /** Why the rover's model could not be loaded. */
   failure: string | null;
@@ -46,6 +57,7 @@ export const useConsole = create<ConsoleState>(() => ({
   urdf: null,
   simulated: false,
   logId: null,
+  liveTerrain: null,
   terrainVersion: null,
   failure: null,
 }));
@@ -70,11 +82,17 @@ export function start(): void {
     onLost: (retry_ms) => set({ connection: "lost", retryAt_ms: localNow() + retry_ms }),
     onPong: (server, sent, received) => notePong(parseTime(server), sent, received),
   });
-  void load();
 }
 
 export function retryNow(): void {
   stream?.retryNow();
+}
+
+const LOAD_AGAIN_MS = 3000;
+
+/** The map of the live rover, and the one to show: a replay's own where it has told it. */
+function maps(of: StreamState, liveTerrain: string | null) {
+  return { liveTerrain, terrainVersion: of.replay?.terrain?.message.version ?? liveTerrain };
 }
 
 /** Fetches what the stream does not bring: the model, its URDF and the commands so far. */
@@ -90,20 +108,22 @@ export async function load(): Promise<void> {
       urdf,
       simulated: answer.simulated,
       logId: answer.log_id,
-      terrainVersion: state.stream.live.terrain?.message.version ?? answer.terrain_version,
+      ...maps(state.stream, state.stream.live.terrain?.message.version ?? answer.terrain_version),
       failure: null,
       stream: { ...state.stream, live: withLatest(state.stream.live, answer) },
     }));
+    const before = get().stream.live.commands;
     const { commands } = await api.commands();
     set((state) => {
-      const known = state.stream.live.commands;
-      const merged = commands.map((c) => known.find((k) => k.id === c.id) ?? c);
-      const fresh = known.filter((k) => !commands.some((c) => c.id === k.id));
-      const live = { ...state.stream.live, commands: [...merged, ...fresh] };
+      // What the stream told while the answer was on its way is newer than the answer.
+      const told = state.stream.live.commands.filter((c) => !before.includes(c));
+      const live = { ...state.stream.live, commands: told.reduce(withCommand, commands) };
       return { stream: { ...state.stream, live } };
     });
   } catch (error) {
-    if (get().model === null) set({ failure: sentenceOf(error) });
+    if (get().model !== null) return;
+    set({ failure: sentenceOf(error) });
+    setTimeout(() => get().connection === "open" && void load(), LOAD_AGAIN_MS);
   }
 }
 
@@ -130,14 +150,14 @@ function withLatest(live: Channels, answer: RoverAnswer): Channels {
 function onFrames(frames: StreamFrame[]): void {
   set((state) => {
     let next = state.stream;
-    let { replayHeard_ms, terrainVersion } = state;
+    let { replayHeard_ms } = state;
     for (const frame of frames) {
       if (frame.op === "hello") noteHello(parseTime(frame.now));
       next = reduce(next, frame);
       if (frame.op === "replay") replayHeard_ms = localNow();
     }
-    terrainVersion = shown(next).terrain?.message.version ?? terrainVersion;
-    return { stream: next, replayHeard_ms, terrainVersion };
+    const live = next.live.terrain?.message.version ?? state.liveTerrain;
+    return { stream: next, replayHeard_ms, ...maps(next, live) };
   });
 }
 
@@ -156,16 +176,19 @@ export function noteReplay(replay: ReplayState): void {
 export function leaveReplay(): void {
   const id = get().stream.replayState?.id;
   if (id !== undefined) stream?.send({ op: "unsubscribe", replay: id });
-  set((state) => ({
-    stream: closeReplay(state.stream),
-    terrainVersion: state.stream.live.terrain?.message.version ?? state.terrainVersion,
-  }));
+  set((state) => {
+    const closed = closeReplay(state.stream);
+    return { stream: closed, ...maps(closed, state.liveTerrain) };
+  });
 }
 
 /** Takes in the answer of a request about a command before the stream tells of it. */
-export function noteCommand(record: Parameters<typeof withCommand>[1]): void {
+export function noteCommand(record: CommandRecord): void {
   set((state) => {
     const live = state.stream.live;
+    const known = live.commands.find((c) => c.id === record.id);
+    // On a short link the stream can be ahead of the answer.
+    if (known && isLater(known.state, record.state)) return state;
     return {
       stream: {
         ...state.stream,

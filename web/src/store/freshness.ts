@@ -27,7 +27,7 @@ export function freshnessOf(state: ConsoleState, now_ms: number): Freshness {
 }
 
 export function useFreshness(): Freshness {
+  // Five times a second is often enough; telemetry itself comes faster.
   const now = useShownNow();
-  const state = useConsole();
-  return freshnessOf(state, now);
+  return freshnessOf(useConsole.getState(), now);
 }

@@ -5,10 +5,13 @@ import { create } from "zustand";
 import { api, sentenceOf } from "../api/client";
 import type { JobReport, PlanAnswer, Vec3 } from "../api/types";
 import { followJob } from "./console";
+import { liveBasis } from "./reach";
 
 export interface PlanState {
   job: JobReport | null;
   plan: PlanAnswer | null;
+  /** Stance and map when the plan came. */
+  basis: string | null;
   failure: string | null;
   /** Where the preview is (s after the step's start). */
   at_s: number;
@@ -18,6 +21,7 @@ export interface PlanState {
 export const usePlan = create<PlanState>(() => ({
   job: null,
   plan: null,
+  basis: null,
   failure: null,
   at_s: 0,
   playing: false,
@@ -40,7 +44,7 @@ export async function makePlan(leg: string, target_m: Vec3): Promise<void> {
       return;
     }
     const plan = await api.planResult(job.result);
-    if (current()) set({ job: null, plan });
+    if (current()) set({ job: null, plan, basis: liveBasis() });
   } catch (error) {
     if (current()) set({ job: null, failure: sentenceOf(error) });
   }

@@ -5,6 +5,7 @@ import { create } from "zustand";
 import { api, sentenceOf } from "../api/client";
 import { nodeAt, type ReachGrid, readReachGrid } from "../api/tiles";
 import type { RoverState } from "../api/types";
+import { type ConsoleState, useConsole } from "./console";
 
 export interface ReachState {
   leg: string | null;
@@ -27,6 +28,12 @@ export function stanceKey(state: RoverState, terrainVersion: string): string {
   const pose = [...state.base.position_m, ...state.base.orientation_xyzw].map(round);
   const joints = Object.values(state.joints_rad).flat().map(round);
   return `${terrainVersion}|${pose.join()}|${joints.join()}`;
+}
+
+/** The key of the live rover as last reported; null without telemetry. */
+export function liveBasis(state: ConsoleState = useConsole.getState()): string | null {
+  const rover = state.stream.live.rover?.message;
+  return rover && state.terrainVersion ? stanceKey(rover.state, state.terrainVersion) : null;
 }
 
 export async function askReach(leg: string, basis: string): Promise<void> {

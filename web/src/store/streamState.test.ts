@@ -2,7 +2,15 @@ import { describe, expect, it } from "vitest";
 
 import type { CommandRecord, ReplayState, StreamFrame } from "../api/types";
 import { withHello, withPong, NO_ESTIMATE } from "./clock";
-import { closeReplay, NO_STREAM, openReplay, reduce, shown, type StreamState } from "./streamState";
+import {
+  closeReplay,
+  isLater,
+  NO_STREAM,
+  openReplay,
+  reduce,
+  shown,
+  type StreamState,
+} from "./streamState";
 
 const at = (s: number) => new Date(Date.UTC(2026, 10, 23, 15) + 1000 * s).toISOString();
 
@@ -106,6 +114,15 @@ describe("the stream's fold", () => {
     state = fold(state, message("event", { level: "info", text: "again" }, 300));
     expect(state.live.events.length).toBe(200);
     expect(state.live.events[0]?.message.text).toBe("300");
+  });
+});
+
+describe("an answer that comes after the stream's word", () => {
+  it("does not turn a command back", () => {
+    expect(isLater("received", "sent")).toBe(true);
+    expect(isLater("done", "sent")).toBe(true);
+    expect(isLater("staged", "armed")).toBe(false);
+    expect(isLater("armed", "armed")).toBe(false);
   });
 });
 

@@ -3,6 +3,7 @@
 import type {
   CommandEvent,
   CommandRecord,
+  CommandState,
   ErrorInfo,
   EventNotice,
   JobReport,
@@ -150,6 +151,15 @@ function fold(channels: Channels, frame: StreamMessage): Channels {
     default:
       return channels;
   }
+}
+
+const ORDER: CommandState[] = ["staged", "armed", "sent", "received", "executing", "overdue"];
+
+/** Does a command come to `a` after `b`? What is over comes after everything. */
+export function isLater(a: CommandState, b: CommandState): boolean {
+  const rank = (state: CommandState) =>
+    ORDER.includes(state) ? ORDER.indexOf(state) : ORDER.length;
+  return rank(a) > rank(b);
 }
 
 /** Puts a record in place of its older self, or at the end. */

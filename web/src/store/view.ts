@@ -23,6 +23,8 @@ export interface ViewState {
   leftOpen: boolean;
   keysOpen: boolean;
   importOpen: boolean;
+  /** A pose predicted for now is drawn beside the reported one. */
+  predicted: boolean;
 }
 
 const KEPT = ["forces", "polygons", "torqueColors", "theme", "operator"] as const;
@@ -51,6 +53,7 @@ export const useView = create<ViewState>(() => ({
   leftOpen: true,
   keysOpen: false,
   importOpen: false,
+  predicted: false,
   ...kept(),
 }));
 

@@ -17,9 +17,9 @@ function Lost() {
   const retryAt = useConsole((s) => s.retryAt_ms);
   const left_s = (retryAt - localNow()) / 1000;
   return (
-    <div className="banner" role="alert" data-testid="banner">
+    <div className="banner" data-testid="banner">
       <StatusMark status="critical" />
-      <strong>No connection to the ground server.</strong>
+      <strong role="alert">No connection to the ground server.</strong>
       <span>What is shown is old, and nothing can be sent.</span>
       <span className="num">
         {left_s > 0 ? `Next attempt in ${formatSpan(left_s)}` : "Trying…"}

@@ -47,9 +47,9 @@ export function EstopBanner() {
   const connected = useConsole((s) => s.connection === "open");
   if (failure) {
     return (
-      <div className="banner" role="alert" data-testid="estop-note">
+      <div className="banner" data-testid="estop-note">
         <StatusMark status="critical" />
-        <strong>{failure}</strong>
+        <strong role="alert">{failure}</strong>
         {!connected && <span className="quiet">The way to the ground server is down.</span>}
         <span className="banner-space" />
         {state !== "clear" && <Release token={null} left_s={0} asking={asking} />}
@@ -67,7 +67,7 @@ export function EstopBanner() {
   const left_s = takesEffect_ms === null ? 0 : (takesEffect_ms - now) / 1000;
   const token_s = (tokenUntil_ms - now) / 1000;
   return (
-    <div className="banner" role="alert" data-testid="estop-note" data-state={state}>
+    <div className="banner" data-testid="estop-note" data-state={state}>
       <StatusMark status="serious" />
       <EstopWords state={state} left_s={left_s} />
       <span className="banner-space" />
@@ -82,7 +82,7 @@ function EstopWords({ state, left_s }: { state: string; left_s: number }) {
   if (state === "confirmed") {
     return (
       <>
-        <strong>E-stop confirmed by the rover</strong>
+        <strong role="alert">E-stop confirmed by the rover</strong>
         <span className="quiet">It refuses motion until released.</span>
       </>
     );
@@ -92,7 +92,7 @@ function EstopWords({ state, left_s }: { state: string; left_s: number }) {
     left_s > 0 ? `takes effect in ${formatSpan(left_s)}` : "waiting for the rover's word";
   return (
     <>
-      <strong>{what}</strong>
+      <strong role="alert">{what}</strong>
       <span className="quiet num">{when}</span>
       {state === "sent" && left_s > 0 && (
         <span className="quiet">Until then the rover does what it was told before.</span>

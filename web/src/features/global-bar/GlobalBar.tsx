@@ -1,12 +1,14 @@
 // The bar on top, left to right: mode, link and age, delays, worst status, clocks, E-stop.
 
 import { Keyboard, Moon, Sun } from "lucide-react";
+import { useEffect } from "react";
 
 import { formatClock, formatDay, formatSpan } from "../../lib/time";
 import { causesOf, type Status } from "../../store/causes";
 import { useChannels, useConsole } from "../../store/console";
 import { useFreshness } from "../../store/freshness";
 import { useServerNow } from "../../store/now";
+import { shown } from "../../store/streamState";
 import { useView } from "../../store/view";
 import { Popover } from "../../ui/Popover";
 import { StatusMark } from "../../ui/StatusMark";
@@ -42,6 +44,10 @@ export function GlobalBar() {
 
 function Age() {
   const { age_s, stale } = useFreshness();
+  // Figures of what is old are dimmed everywhere.
+  useEffect(() => {
+    document.documentElement.toggleAttribute("data-stale", stale);
+  }, [stale]);
   return (
     <span
       className={stale ? "bar-item stale" : "bar-item"}
@@ -65,10 +71,8 @@ const WORDS: Record<Status, string> = {
 
 function Health() {
   const { stale } = useFreshness();
-  const connection = useConsole((s) => s.connection);
-  const model = useConsole((s) => s.model);
-  const channels = useChannels((c) => c);
-  const causes = causesOf({ connection, model, channels, stale });
+  const { connection, model, stream } = useConsole.getState();
+  const causes = causesOf({ connection, model, channels: shown(stream), stale });
   const worst = causes[0]?.status ?? "normal";
   const label = (
     <>

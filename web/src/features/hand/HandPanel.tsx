@@ -4,9 +4,9 @@ import { useState } from "react";
 
 import type { CommandBody, LegModel, Vec3 } from "../../api/types";
 import { DEG, legLabel, metres } from "../../lib/format";
-import { wheelOf } from "../../lib/wheel";
 import { HAND_KEY, stageByHand, useRequests } from "../../store/commands";
 import { useConsole, useLive } from "../../store/console";
+import { wheelOf } from "../../store/kinematics";
 import { useBlocked } from "../../store/permission";
 import { useSelection } from "../../store/selection";
 import { HandCommands } from "./HandCommands";
@@ -69,12 +69,10 @@ function StageButton({
 
 function WheelLine({ leg }: { leg: LegModel }) {
   const [moves, setMoves] = useState(["0", "0", "0.20"]);
-  const contact = useLive((c) => c.rover?.message.contact_points_m[leg.name]);
-  const wheel = useLive((c) => c.rover?.message.state);
+  const state = useLive((c) => c.rover?.message.state);
   const deltas = moves.map(Number);
   const good = deltas.every((d, i) => moves[i] !== "" && Number.isFinite(d) && Math.abs(d) <= 3);
-  const urdf = useConsole((s) => s.urdf);
-  const from = (wheel && urdf !== null && wheelOf(leg.name)) || contact;
+  const from = state && wheelOf(leg.name, state);
   const target = good && from ? (from.map((v, i) => v + deltas[i]!) as Vec3) : null;
   const body: CommandBody | null =
     target && deltas.some((d) => d !== 0)

@@ -26,6 +26,8 @@ function onKey(event: KeyboardEvent): void {
   if (event.ctrlKey || event.metaKey || event.altKey) return;
   const target = event.target instanceof HTMLElement ? event.target : null;
   if (document.querySelector("dialog[open]")) return;
+  // Escape belongs to an open popover first.
+  if (event.key === "Escape" && document.querySelector(".popover")) return;
   if (target?.closest("input:not([type=radio], [type=checkbox]), select, textarea")) return;
   // Enter and space press what has the focus; arrows move within a group of radio buttons.
   const pressable = target?.closest("button, input, a, summary") != null;

@@ -12,7 +12,7 @@ export function LegsPanel() {
   const contacts = useChannels((c) => c.rover?.message.contacts);
   return (
     <section className="section stack" aria-label="Legs">
-      <div className="leg-buttons" role="group" aria-label="Choose a leg">
+      <div className="leg-buttons of-rover" role="group" aria-label="Choose a leg">
         {legs?.map((leg, i) => (
           <button
             key={leg.name}
@@ -53,7 +53,7 @@ export function StancePanel() {
         ? "a point"
         : "none";
   return (
-    <section className="section stance" aria-label="Stability">
+    <section className="section stance of-rover" aria-label="Stability">
       <h2>Stability margin</h2>
       <MarginDial margin_m={regular?.margin_m ?? null} needed_m={model.margin_m} />
       <dl className="facts">

@@ -79,12 +79,15 @@ function Counters({ name, counters }: { name: string; counters: LinkCounters }) 
 }
 
 function Delays({ config }: { config: LinkConfig }) {
-  const [draft, setDraft] = useState(config);
+  const [up, setUp] = useState(String(config.up_delay_s));
+  const [down, setDown] = useState(String(config.down_delay_s));
   const [failure, setFailure] = useState<string | null>(null);
   const [busy, setBusy] = useState(false);
   const replaying = useConsole((s) => s.stream.replayState !== null);
   const connected = useConsole((s) => s.connection === "open");
   const blocked = replaying || !connected;
+  const draft = { up_delay_s: Number(up), down_delay_s: Number(down) };
+  const good = [up, down].every((t) => t !== "" && Number(t) >= 0 && Number(t) <= 1800);
   const changed =
     draft.up_delay_s !== config.up_delay_s || draft.down_delay_s !== config.down_delay_s;
 
@@ -108,18 +111,8 @@ function Delays({ config }: { config: LinkConfig }) {
         void apply();
       }}
     >
-      <DelayField
-        label="Up: commands"
-        testId="delay-up"
-        value={draft.up_delay_s}
-        onChange={(up_delay_s) => setDraft({ ...draft, up_delay_s })}
-      />
-      <DelayField
-        label="Down: telemetry"
-        testId="delay-down"
-        value={draft.down_delay_s}
-        onChange={(down_delay_s) => setDraft({ ...draft, down_delay_s })}
-      />
+      <DelayField label="Up: commands" testId="delay-up" value={up} onChange={setUp} />
+      <DelayField label="Down: telemetry" testId="delay-down" value={down} onChange={setDown} />
       {failure && <p className="trouble small">{failure}</p>}
       <div className="row between">
         <span className="quiet small">Moon 1.3 s, at most 1800 s</span>
@@ -127,7 +120,7 @@ function Delays({ config }: { config: LinkConfig }) {
           type="submit"
           className="button"
           data-testid="delay-apply"
-          disabled={!changed || busy || blocked}
+          disabled={!good || !changed || busy || blocked}
           title={blocked ? "Only with the live rover" : undefined}
         >
           Set delays
@@ -140,15 +133,11 @@ function Delays({ config }: { config: LinkConfig }) {
 interface FieldProps {
   label: string;
   testId: string;
-  value: number;
-  onChange: (seconds: number) => void;
+  value: string;
+  onChange: (seconds: string) => void;
 }
 
 function DelayField({ label, testId, value, onChange }: FieldProps) {
-  const set = (text: string) => {
-    const seconds = Number(text);
-    if (text !== "" && seconds >= 0 && seconds <= 1800) onChange(seconds);
-  };
   return (
     <div className="field">
       {label} (s)
@@ -158,9 +147,9 @@ function DelayField({ label, testId, value, onChange }: FieldProps) {
           min={0}
           max={10}
           step={0.1}
-          value={Math.min(10, value)}
+          value={Math.min(10, Number(value))}
           aria-label={`${label}, slider (s)`}
-          onChange={(event) => set(event.target.value)}
+          onChange={(event) => onChange(event.target.value)}
         />
         <input
           type="number"
@@ -171,7 +160,7 @@ function DelayField({ label, testId, value, onChange }: FieldProps) {
           value={value}
           aria-label={`${label} (s)`}
           data-testid={testId}
-          onChange={(event) => set(event.target.value)}
+          onChange={(event) => onChange(event.target.value)}
         />
       </div>
     </div>

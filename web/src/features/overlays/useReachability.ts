@@ -3,17 +3,11 @@
 import { useEffect } from "react";
 
 import { useConsole } from "../../store/console";
-import { askReach, dropReach, stanceKey, useReach } from "../../store/reach";
+import { askReach, dropReach, liveBasis, useReach } from "../../store/reach";
 import { useSelection } from "../../store/selection";
 import { useView } from "../../store/view";
 
-/** Stance and map as of now; null without telemetry or while the rover moves. */
-function useBasis(): string | null {
-  return useConsole((s) => {
-    const rover = s.stream.live.rover?.message;
-    return rover && s.terrainVersion ? stanceKey(rover.state, s.terrainVersion) : null;
-  });
-}
+const useBasis = (): string | null => useConsole(liveBasis);
 
 export function useReachIsOld(): boolean {
   const basis = useBasis();

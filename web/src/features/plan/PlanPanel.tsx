@@ -4,8 +4,10 @@ import { RotateCcw, Trash2 } from "lucide-react";
 
 import type { PlanAnswer } from "../../api/types";
 import { capital, legLabel, words } from "../../lib/format";
+import { useConsole, useLive } from "../../store/console";
 import { useBlocked } from "../../store/permission";
 import { cancelPlanning, dropPlan, makePlan, usePlan } from "../../store/plan";
+import { liveBasis } from "../../store/reach";
 import { useSelection } from "../../store/selection";
 import { StatusMark } from "../../ui/StatusMark";
 import { PlanCommands } from "../commands/PlanCommands";
@@ -109,6 +111,7 @@ function PlanView({ plan }: { plan: PlanAnswer }) {
             ms · {plan.statistics.configurations_checked} checks
           </span>
         </div>
+        <Outdated plan={plan} />
         {plan.reason && <p className={found ? "quiet" : ""}>{plan.reason}</p>}
       </section>
       {plan.waypoints.length > 1 && <Preview plan={plan} />}
@@ -124,5 +127,19 @@ function PlanView({ plan }: { plan: PlanAnswer }) {
         </span>
       </section>
     </>
+  );
+}
+
+/** A plan is for the stance it was made for; the server refuses to arm it on another. */
+function Outdated({ plan }: { plan: PlanAnswer }) {
+  const of = usePlan((s) => s.basis);
+  const basis = useConsole(liveBasis);
+  const begun = useLive((c) => c.commands.some((k) => k.plan?.plan_id === plan.id));
+  if (begun || of === null || basis === of || plan.outcome !== "found") return null;
+  return (
+    <p className="row trouble" data-testid="plan-outdated">
+      <StatusMark status="caution" />
+      Stance or map have changed since: plan again.
+    </p>
   );
 }

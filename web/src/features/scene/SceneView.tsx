@@ -4,14 +4,14 @@ import { Compass, Maximize2 } from "lucide-react";
 import { useEffect, useRef, useState } from "react";
 
 import { formatSpan } from "../../lib/time";
-import { offerWheels } from "../../lib/wheel";
 import { bind } from "../../scene/bind";
 import { bestQuality, Viewer } from "../../scene/viewer";
 import { useConsole } from "../../store/console";
 import { useFreshness } from "../../store/freshness";
+import { usePlan } from "../../store/plan";
 import { chooseLeg, hoverAt, pickAt, useSelection } from "../../store/selection";
 import { useTerrain } from "../../store/terrain";
-import { aim, nextView } from "../../store/view";
+import { aim, nextView, useView } from "../../store/view";
 import { installHook } from "./debugHook";
 import "./scene.css";
 
@@ -39,13 +39,11 @@ export function SceneView({ left, right }: Props) {
     made.onFrame = () => drawCues(cues.current, made);
     const unbind = bind(made);
     const unhook = installHook(made);
-    offerWheels((leg) => made.robot?.wheel(leg) ?? null);
     const unpoint = followPointer(element, made);
     return () => {
       unpoint();
       unhook();
       unbind();
-      offerWheels(() => null);
       made.dispose();
       viewer.current = null;
     };
@@ -135,6 +133,7 @@ function SceneNotes({
         </svg>
       </div>
       <Overhead />
+      <Poses />
     </>
   );
 }
@@ -158,6 +157,34 @@ function Overhead() {
     <div className="scene-note panel" role="status">
       {note}
     </div>
+  );
+}
+
+/** Names the poses that are shown beside each other: past, present guess, plan. */
+function Poses() {
+  const planned = usePlan((s) => (s.plan?.waypoints.length ?? 0) > 0);
+  const predicted = useView((s) => s.predicted);
+  const { age_s } = useFreshness();
+  if (!planned && !predicted) return null;
+  return (
+    <ul className="scene-poses small">
+      <li>
+        <i className="pose-reported" aria-hidden />
+        reported {age_s === null ? "" : `${formatSpan(age_s)} ago`}
+      </li>
+      {predicted && (
+        <li data-testid="predicted">
+          <i className="pose-predicted" aria-hidden />
+          predicted now
+        </li>
+      )}
+      {planned && (
+        <li>
+          <i className="pose-planned" aria-hidden />
+          planned
+        </li>
+      )}
+    </ul>
   );
 }
 

@@ -52,9 +52,11 @@ export function StepStrip() {
         ))}
       </ol>
       <div className="strip-say" data-testid="step" data-stage={step.stage}>
-        <p className={step.trouble ? "trouble" : ""} aria-live="polite">
-          {step.sentence}
-        </p>
+        <p className={step.trouble ? "trouble" : ""}>{step.sentence}</p>
+        {/* The sentence counts down; only where the step stands is read out. */}
+        <span className="sr" aria-live="polite">
+          {[step.stage, step.command].filter(Boolean).join(": ")}
+        </span>
         {step.share !== null && !step.yours && (
           <div className="bar strip-bar">
             <span style={{ width: `${(100 * step.share).toFixed(1)}%` }} />

@@ -13,7 +13,7 @@ export function TelemetryPanel() {
   if (!model || !rover) return <p className="section quiet">No telemetry has come yet.</p>;
   return (
     <>
-      <section className="section stack">
+      <section className="section stack of-rover">
         <div className="row between">
           <span>
             Rover is <strong data-testid="rover-mode">{rover.mode}</strong>
@@ -22,7 +22,7 @@ export function TelemetryPanel() {
         </div>
         {rover.fault && <p className="trouble">{rover.fault}</p>}
       </section>
-      <section className="section">
+      <section className="section of-rover">
         <table className="telemetry">
           <thead>
             <tr>
