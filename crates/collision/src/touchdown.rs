@@ -18,6 +18,8 @@ const FORK_PITCHES: [f64; 5] = [0.0, 0.262, -0.262, 0.524, -0.524];
 /// Most that seating may shift a wheel, as a share of its radius: beyond, the ground under it is
 /// no place for a wheel.
 const SEATING_SHIFT: f64 = 0.5;
+/// Costs nearer than this are equal (rad): mirror images must not be told apart by rounding.
+const TIE: f64 = 1e-6;
 /// Side of the patch whose plane gives the normal, in wheel widths.
 const PATCH_WIDTHS: f64 = 1.25;
 
@@ -73,8 +75,8 @@ pub fn footfall_place(scene: &Scene, leg: LegId, p: Point2<f64>) -> Option<Footf
     Some(FootfallPlace { ground: Point3::new(p.x, p.y, height), normal: plane.normal })
 }
 
-/// Ways to put the wheel of `leg` down at `p`, best first, at most `most` of them; the base stands
-/// where `posture` has it.
+/// Ways to put the wheel of `leg` down at `p`, best first: `most` of them and what equals the last;
+/// the base stands where `posture` has it.
 ///
 /// The order prefers a small knee roll and angles near `near`. Collisions and stability are not
 /// looked at.
@@ -94,37 +96,56 @@ pub fn touchdowns(
     let across = Vector3::z().cross(&outward);
     let heading = if across.norm() > 1e-6 { across } else { Vector3::y() };
 
-    let mut found: Vec<(f64, Touchdown)> = Vec::new();
+    // Orientations by what they promise before the wheel is seated, which is the dear part.
     let mut failure = Failure::default();
+    let mut promising: Vec<(f64, WheelPose)> = Vec::new();
     for yaw in YAWS {
         for fork_pitch in FORK_PITCHES {
-            let Some(wheel) = WheelPose::standing(
+            let wheel = WheelPose::standing(
                 &model.wheel,
                 place.ground,
                 &place.normal,
                 &heading,
                 yaw,
                 fork_pitch,
-            ) else {
-                continue;
-            };
-            // Out of reach before seating is out of reach after it, but for the shift: look first.
-            if !failure.in_reach(posture, scene, leg, &wheel.world_from_wheel) {
-                continue;
-            }
-            let Some((wheel, contact)) = seat(scene, &wheel, &mut failure) else { continue };
-            for solution in failure.solutions(posture, scene, leg, &wheel.world_from_wheel) {
-                let angles = solution.angles;
-                let cost = (angles - near).amax() + angles[3].abs();
-                found.push((cost, Touchdown { place, wheel, contact, angles }));
-            }
+            );
+            let Some(wheel) = wheel else { continue };
+            let best = failure
+                .solutions(posture, scene, leg, &wheel.world_from_wheel)
+                .iter()
+                .map(|s| cost(&s.angles, near))
+                .min_by(f64::total_cmp);
+            promising.extend(best.map(|cost| (cost, wheel)));
+        }
+    }
+    promising.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut found: Vec<(f64, Touchdown)> = Vec::new();
+    let mut enough = f64::INFINITY;
+    for (promise, wheel) in promising {
+        if promise > enough + TIE {
+            break;
+        }
+        let Some((wheel, contact)) = seat(scene, &wheel, &mut failure) else { continue };
+        for solution in failure.solutions(posture, scene, leg, &wheel.world_from_wheel) {
+            let angles = solution.angles;
+            found.push((cost(&angles, near), Touchdown { place, wheel, contact, angles }));
+        }
+        if found.len() >= most {
+            enough = enough.min(promise);
         }
     }
     if found.is_empty() {
         return Err(failure.verdict());
     }
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    Ok(found.into_iter().take(most).map(|(_, touchdown)| touchdown).collect())
+    let last = found.get(most.saturating_sub(1)).map_or(f64::INFINITY, |(cost, _)| *cost);
+    found.retain(|(cost, _)| *cost <= last + TIE);
+    Ok(found.into_iter().map(|(_, touchdown)| touchdown).collect())
+}
+
+/// What counts against joint angles (rad): their distance from `near`, and the knee's roll.
+fn cost(angles: &LegAngles, near: &LegAngles) -> f64 {
+    (angles - near).amax() + angles[3].abs()
 }
 
 /// The wheel shifted along z until it just touches, and where it touches.
@@ -165,22 +186,6 @@ impl Default for Failure {
 }
 
 impl Failure {
-    fn in_reach(
-        &mut self,
-        posture: &Posture,
-        scene: &Scene,
-        leg: LegId,
-        wheel: &Isometry3<f64>,
-    ) -> bool {
-        match posture.inverse_kinematics(scene.robot(), leg, wheel) {
-            Ok(_) => true,
-            Err(missed) => {
-                self.distance = self.distance.min(missed.distance);
-                missed.distance < SEATING_SHIFT * scene.robot().leg(leg).wheel.radius
-            }
-        }
-    }
-
     fn solutions(
         &mut self,
         posture: &Posture,

@@ -46,7 +46,10 @@ pub fn wheel_ground(
 ) -> WheelGround {
     let mut search = Search { wheel: Cylinder::new(wheel), map, keep, best: None, unknown: false };
     let (min, max) = search.wheel.footprint();
-    search.lattice(min, max);
+    // Coarse grids leave few nodes below the wheel: look between them too.
+    if 3.0 * map.grid().resolution > wheel.radius.min(wheel.width) {
+        search.lattice(min, max);
+    }
     search.cells(wheel, min, max);
     WheelGround { nearest: search.best, unknown: search.unknown }
 }
@@ -170,68 +173,80 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
 
     fn cells(&mut self, pose: &WheelPose, min: Point2<f64>, max: Point2<f64>) {
         let grid = *self.map.grid();
-        let pad = grid.resolution;
-        let (xs, ys) = grid.nodes_within(
-            Point2::new(min.x - pad, min.y - pad),
-            Point2::new(max.x + pad, max.y + pad),
-        );
-        let mut edges = Vec::new();
+        let pad = nalgebra::Vector2::repeat(grid.resolution);
+        let far = grid.far_corner();
+        let beyond_map =
+            min.x < grid.origin.x || min.y < grid.origin.y || max.x > far.x || max.y > far.y;
+        if beyond_map {
+            self.lattice(min, max); // finds out whether any of it that counts hangs over the edge
+        }
+        let (xs, ys) = grid.nodes_within(min - pad, max + pad);
+        let gaps: Vec<Option<f64>> = ys
+            .clone()
+            .flat_map(|iy| xs.clone().map(move |ix| (ix, iy)))
+            .map(|(ix, iy)| self.try_point(grid.position(ix, iy)))
+            .collect();
+        let gap = |ix: usize, iy: usize| gaps[(iy - ys.start) * xs.len() + (ix - xs.start)];
         for iy in ys.clone() {
             for ix in xs.clone() {
+                let (right, up) = (ix + 1 < xs.end, iy + 1 < ys.end);
                 let here = grid.position(ix, iy);
-                self.try_point(here);
-                let (right, up) = (ix + 1 < grid.nx, iy + 1 < grid.ny);
+                if right && up {
+                    self.try_supports(pose, ix, iy);
+                }
                 if right {
-                    edges.push((here, grid.position(ix + 1, iy)));
+                    self.try_edge(here, grid.position(ix + 1, iy), gap(ix, iy), gap(ix + 1, iy));
                 }
                 if up {
-                    edges.push((here, grid.position(ix, iy + 1)));
+                    self.try_edge(here, grid.position(ix, iy + 1), gap(ix, iy), gap(ix, iy + 1));
                 }
                 if right && up {
-                    edges.push((grid.position(ix + 1, iy), grid.position(ix, iy + 1)));
-                    for (u, v) in [(0.25, 0.25), (0.75, 0.75)] {
-                        self.try_support(
-                            pose,
-                            here + Vector3::new(u, v, 0.0).xy() * pad,
-                            here,
-                            pad,
-                        );
-                    }
+                    let (a, b) = (grid.position(ix + 1, iy), grid.position(ix, iy + 1));
+                    self.try_edge(a, b, gap(ix + 1, iy), gap(ix, iy + 1));
                 }
             }
         }
-        for (a, b) in edges {
-            self.try_edge(a, b);
-        }
     }
 
-    /// The wheel's lowest points against the plane of the triangle that holds `inside`.
-    fn try_support(
-        &mut self,
-        pose: &WheelPose,
-        inside: Point2<f64>,
-        corner: Point2<f64>,
-        side: f64,
-    ) {
-        let Some(normal) = self.map.normal_at(inside) else { return };
-        let lowest = pose.lowest_point(&normal);
-        let along = self.wheel.axle.into_inner() * self.wheel.half_width;
-        // With a level axle the whole line touches; its ends may lie over other triangles.
-        let level = wheel_is_level(pose, &normal);
-        let points = [lowest, lowest + along, lowest - along];
-        for p in &points[..if level { 3 } else { 1 }] {
-            let d = p.xy() - corner;
-            let inside_cell = d.x >= 0.0 && d.y >= 0.0 && d.x <= side && d.y <= side;
-            if inside_cell {
-                self.try_height(p.xy(), p.z);
+    /// The wheel's lowest points against the planes of the two triangles of a square.
+    fn try_supports(&mut self, pose: &WheelPose, ix: usize, iy: usize) {
+        let grid = self.map.grid();
+        let (corner, side) = (grid.position(ix, iy), grid.resolution);
+        let z = |dx, dy| f64::from(*self.map.heights().at(ix + dx, iy + dy));
+        let (z00, z10, z01, z11) = (z(0, 0), z(1, 0), z(0, 1), z(1, 1));
+        let lower = Vector3::new(z00 - z10, z00 - z01, side);
+        let upper = Vector3::new(z01 - z11, z10 - z11, side);
+        for normal in [lower, upper] {
+            if !normal.iter().all(|v| v.is_finite()) {
+                continue;
+            }
+            let normal = Unit::new_normalize(normal);
+            let lowest = pose.lowest_point(&normal);
+            let along = self.wheel.axle.into_inner() * self.wheel.half_width;
+            // With a level axle the whole line touches; its ends may lie over other triangles.
+            let points = [lowest, lowest + along, lowest - along];
+            for p in &points[..if wheel_is_level(pose, &normal) { 3 } else { 1 }] {
+                let d = p.xy() - corner;
+                if d.x >= 0.0 && d.y >= 0.0 && d.x <= side && d.y <= side {
+                    self.try_height(p.xy(), p.z);
+                }
             }
         }
     }
 
-    fn try_edge(&mut self, a: Point2<f64>, b: Point2<f64>) {
+    /// The smallest gap along an edge of the grid, whose ends are known where they are below the
+    /// wheel. The gap is convex along an edge: three points bound it from below.
+    fn try_edge(&mut self, a: Point2<f64>, b: Point2<f64>, gap_a: Option<f64>, gap_b: Option<f64>) {
+        let at = |t: f64| a + (b - a) * t;
+        if let (Some(ga), Some(gb)) = (gap_a, gap_b) {
+            let Some(gm) = self.try_point(at(0.5)) else { return };
+            let bound = gm.min(2.0 * gm - ga).min(2.0 * gm - gb);
+            if self.best.is_some_and(|best| bound >= best.gap) {
+                return;
+            }
+        }
         let length = (b - a).norm();
         let n = ((length / self.wheel.half_width * 4.0).ceil() as usize).clamp(4, 400);
-        let at = |t: f64| a + (b - a) * t;
         let mut coarse: Option<(f64, f64)> = None;
         for i in 0..n {
             let t = (i as f64 + 0.5) / n as f64;
