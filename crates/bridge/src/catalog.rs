@@ -8,7 +8,6 @@ use std::io::{self, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use mcap::records::op;
-use mcap::sans_io::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
 use wire::resources::LogInfo;
 use wire::time::Timestamp;
 
@@ -16,8 +15,10 @@ use crate::reader::{self, Limits, LogContent, ReadError};
 
 /// Most records looked at in a log without a summary; the counts stop there.
 const SCAN_RECORDS: u64 = 2_000_000;
-/// Longest record of a summary (bytes).
-const SUMMARY_RECORD_BYTES: usize = 64 << 20;
+/// Most records of a summary that are passed over in search of the statistics.
+const SUMMARY_RECORDS: u64 = 200_000;
+/// Length of the footer record and the magic bytes behind it.
+const FOOTER_BYTES: u64 = 9 + 20 + 8;
 
 /// True if `id` is a log id.
 pub fn is_log_id(id: &str) -> bool {
@@ -67,14 +68,11 @@ pub fn list_logs(dir: &Path, open: Option<&LogInfo>) -> io::Result<Vec<LogInfo>>
 /// torn, the count may lack the messages of the last chunk.
 pub fn log_info(dir: &Path, id: &str) -> Result<LogInfo, ReadError> {
     let path = log_path(dir, id)?;
-    let mut file = File::open(path)?;
-    let size = file.metadata()?.len();
-    let found = match summary_extent(&mut file, size) {
+    let mut file = BufReader::new(File::open(path)?);
+    let size = file.get_ref().metadata()?.len();
+    let found = match summary_extent(&mut file, size)? {
         Some(extent) => extent,
-        None => {
-            file.seek(SeekFrom::Start(0))?;
-            walk_extent(BufReader::new(file), size)?
-        }
+        None => walk_extent(&mut file, size)?,
     };
     let Extent { start, end, messages } = found;
     let time = |t: u64| (messages > 0).then_some(Timestamp(t));
@@ -88,54 +86,77 @@ struct Extent {
     messages: u64,
 }
 
-fn summary_extent(file: &mut File, size: u64) -> Option<Extent> {
-    let options = SummaryReaderOptions::default()
-        .with_file_size(size)
-        .with_record_length_limit(SUMMARY_RECORD_BYTES);
-    let mut reader = SummaryReader::new_with_options(options);
-    while let Some(event) = reader.next_event() {
-        match event.ok()? {
-            SummaryReadEvent::ReadRequest(wanted) => {
-                let read = file.read(reader.insert(wanted)).ok()?;
-                reader.notify_read(read);
-            }
-            SummaryReadEvent::SeekRequest(to) => reader.notify_seeked(file.seek(to).ok()?),
-        }
+/// What the statistics say, in a file that was closed.
+fn summary_extent(file: &mut BufReader<File>, size: u64) -> io::Result<Option<Extent>> {
+    let Some(footer_at) = size.checked_sub(FOOTER_BYTES) else { return Ok(None) };
+    file.seek(SeekFrom::Start(footer_at))?;
+    let mut footer = [0; FOOTER_BYTES as usize];
+    file.read_exact(&mut footer)?;
+    let summary_at = u64_at(&footer, 9);
+    if footer[0] != op::FOOTER || footer[29..] != *mcap::MAGIC || summary_at == 0 {
+        return Ok(None);
     }
-    let stats = reader.finish()?.stats?;
-    let (start, end) = (stats.message_start_time, stats.message_end_time);
-    Some(Extent { start, end, messages: stats.message_count })
+    let mut statistics = None;
+    walk(file, summary_at, footer_at, SUMMARY_RECORDS, |opcode, length, file| {
+        if opcode == op::STATISTICS && length >= 42 {
+            let mut body = [0; 42];
+            file.read_exact(&mut body)?;
+            let messages = u64_at(&body, 0);
+            // Between them stand five counts of schemas, channels, attachments, metadata, chunks.
+            statistics =
+                Some(Extent { start: u64_at(&body, 26), end: u64_at(&body, 34), messages });
+        }
+        Ok(())
+    })?;
+    Ok(statistics)
 }
 
-/// Walks from record to record without decompressing: times from the chunks' headers, counts from
-/// the message indexes behind them. Ends where the file is torn.
-fn walk_extent(mut file: BufReader<File>, size: u64) -> io::Result<Extent> {
+/// Times from the chunks' headers, counts from the message indexes behind them, nothing
+/// decompressed. Ends where the file is torn.
+fn walk_extent(file: &mut BufReader<File>, size: u64) -> io::Result<Extent> {
     let mut extent = Extent { start: u64::MAX, end: 0, messages: 0 };
-    let mut at = mcap::MAGIC.len() as u64;
-    file.seek(SeekFrom::Start(at))?;
-    for _ in 0..SCAN_RECORDS {
-        let mut frame = [0; 9];
-        if file.read_exact(&mut frame).is_err() {
-            break;
-        }
-        let length = u64::from_le_bytes(frame[1..].try_into().unwrap_or_default());
-        let Some(next) = at.checked_add(9).and_then(|n| n.checked_add(length)) else { break };
-        if next > size || frame[0] == op::DATA_END {
-            break;
-        }
-        if frame[0] == op::CHUNK && length >= 16 {
+    walk(file, mcap::MAGIC.len() as u64, size, SCAN_RECORDS, |opcode, length, file| {
+        if opcode == op::CHUNK && length >= 16 {
             let mut times = [0; 16];
             file.read_exact(&mut times)?;
-            let (start, end) = times.split_at(8);
-            let time = |bytes: &[u8]| u64::from_le_bytes(bytes.try_into().unwrap_or_default());
-            extent.start = extent.start.min(time(start));
-            extent.end = extent.end.max(time(end));
-        } else if frame[0] == op::MESSAGE_INDEX {
+            extent.start = extent.start.min(u64_at(&times, 0));
+            extent.end = extent.end.max(u64_at(&times, 8));
+        } else if opcode == op::MESSAGE_INDEX {
             extent.messages += length.saturating_sub(6) / 16;
         }
+        Ok(())
+    })?;
+    Ok(extent)
+}
+
+/// Goes from record to record between two offsets, at most `most` of them, and shows each one's
+/// opcode and length to `look`, with the file at the beginning of its body.
+fn walk(
+    file: &mut BufReader<File>,
+    from: u64,
+    to: u64,
+    most: u64,
+    mut look: impl FnMut(u8, u64, &mut BufReader<File>) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut at = from;
+    file.seek(SeekFrom::Start(at))?;
+    for _ in 0..most {
+        let mut frame = [0; 9];
+        if at.saturating_add(9) > to {
+            break;
+        }
+        file.read_exact(&mut frame)?;
+        let length = u64_at(&frame, 1);
+        let Some(next) = (at + 9).checked_add(length).filter(|&next| next <= to) else { break };
+        look(frame[0], length, file)?;
         let read = file.stream_position()?;
-        file.seek_relative(i64::try_from(next - read).unwrap_or(i64::MAX))?;
+        file.seek_relative(i64::try_from(next.saturating_sub(read)).unwrap_or(i64::MAX))?;
         at = next;
     }
-    Ok(extent)
+    Ok(())
+}
+
+fn u64_at(bytes: &[u8], at: usize) -> u64 {
+    let field = bytes.get(at..at + 8).and_then(|field| field.try_into().ok());
+    u64::from_le_bytes(field.unwrap_or_default())
 }

@@ -10,6 +10,7 @@
 
 mod book;
 mod estop;
+mod plans;
 
 use std::collections::BTreeMap;
 

@@ -22,7 +22,7 @@ mod chunk;
 pub struct Limits {
     /// Longest record, and largest chunk, compressed or not (bytes).
     pub record_bytes: usize,
-    /// Largest growth of a chunk by decompression; chunks up to 1 MiB are free of it.
+    /// Largest growth of a chunk by decompression; chunks up to 4 MiB are free of it.
     pub ratio: u64,
     /// Most bytes of messages, each counted with 96 bytes beside its content.
     pub total_bytes: usize,

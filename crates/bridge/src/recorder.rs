@@ -8,7 +8,7 @@
 //! The first error of a file is final for that file, a failed sync above all: the batch goes to a
 //! new file, so that a message may stand in two files but never in none. While no file can be
 //! written, telemetry is dropped and counted, durable messages are refused to whoever waits for
-//! them but kept, and the disk is tried again with every batch.
+//! them but kept, and the disk is tried again every 250 ms and with every durable message.
 //!
 //! Bounds: telemetry waiting for the disk is limited to 32 MiB (the oldest gives way, counted and
 //! told as an event); durable messages to 16 384, beyond which they are refused.

@@ -1,12 +1,11 @@
 //! The commands in memory and the rules of their transitions.
 
-use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::collections::{BTreeMap, HashMap};
 
-use wire::live::{
-    AckStage, CommandEvent, CommandRecord, CommandState, Executing, PlanCommandRef, Uplink,
-};
+use wire::live::{AckStage, CommandEvent, CommandRecord, CommandState, Executing, Uplink};
 use wire::time::Timestamp;
 
+use super::plans::PlanOrder;
 use super::{
     ACK_SLACK_S, ARM_WINDOW_S, CommandError, LightTimes, MAX_COMMANDS, MOTION_SLACK_S,
     MOTION_STRETCH, StageCommand, is_outstanding, is_terminal, new_id,
@@ -418,33 +417,6 @@ impl Entry {
     fn expect_word_by(&mut self, deadline: Timestamp) {
         self.deadline = Some(deadline);
         self.record.overdue_after = Some(deadline);
-    }
-}
-
-/// How far each plan has come: the index of its next command. The newest plans are kept.
-#[derive(Debug, Default)]
-struct PlanOrder {
-    next: HashMap<String, usize>,
-    begun: VecDeque<String>,
-}
-
-impl PlanOrder {
-    fn next_of(&self, plan: &PlanCommandRef) -> usize {
-        self.next.get(&plan.plan_id).copied().unwrap_or(0)
-    }
-
-    fn done(&mut self, plan: &PlanCommandRef) {
-        if plan.index != self.next_of(plan) {
-            return;
-        }
-        if self.next.insert(plan.plan_id.clone(), plan.index + 1).is_none() {
-            self.begun.push_back(plan.plan_id.clone());
-        }
-        if self.begun.len() > MAX_COMMANDS
-            && let Some(oldest) = self.begun.pop_front()
-        {
-            self.next.remove(&oldest);
-        }
     }
 }
 

@@ -4,14 +4,15 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use bytes::Bytes;
-use mcap::records::{ChunkHeader, Record, op};
+use mcap::records::op;
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use wire::time::Timestamp;
 
 use super::{Damage, Limits, LogMessage};
 
-/// Chunks up to this size may be compressed as well as they can be (bytes).
-const RATIO_FREE_BYTES: u64 = 1 << 20;
+/// Chunks up to this size may be compressed as well as they can be (bytes): four of the recorder's,
+/// for frames of a rover that stands still are all alike.
+const RATIO_FREE_BYTES: u64 = 4 << 20;
 /// Longest name of a channel that is kept (bytes).
 const NAME_BYTES: usize = 256;
 
@@ -41,20 +42,17 @@ impl Records {
     }
 
     fn take_chunk(&mut self, data: &[u8], at: u64) -> bool {
-        let header = match mcap::parse_record(op::CHUNK, data) {
-            Ok(Record::Chunk { header, .. }) => header,
-            Ok(_) => return false,
-            Err(error) => {
-                self.damage.push(Damage::BadChunk { at, reason: error.to_string() });
-                return false;
-            }
+        let Some(header) = ChunkHeader::read(data) else {
+            let reason = "it is shorter than it says".into();
+            self.damage.push(Damage::BadChunk { at, reason });
+            return false;
         };
         let length = header.uncompressed_size;
         if length > self.limits.record_bytes as u64 {
             self.damage.push(Damage::ChunkTooLarge { at, length });
             return true;
         }
-        let ratio = length / header.compressed_size.max(1);
+        let ratio = length / (header.body.len() as u64).max(1);
         if length > RATIO_FREE_BYTES && ratio > self.limits.ratio {
             self.damage.push(Damage::ChunkRatio { at, ratio });
             return true;
@@ -70,11 +68,8 @@ impl Records {
     /// The records within a chunk. Uncompressed ones are walked here, compressed ones by the
     /// crate's reader, which is given the chunk without any padding and decompresses at most what
     /// the header says.
-    fn read_chunk(&mut self, header: &ChunkHeader, data: &[u8]) -> Result<(), String> {
-        let start = 40 + header.compression.len();
-        let length = usize::try_from(header.compressed_size).map_err(|e| e.to_string())?;
-        let end = start.checked_add(length).filter(|&end| end <= data.len());
-        let body = &data[start..end.ok_or("it is shorter than it says")?];
+    fn read_chunk(&mut self, header: &ChunkHeader<'_>, data: &[u8]) -> Result<(), String> {
+        let body = header.body;
         if header.compression.is_empty() {
             return self.read_plain_chunk(header, body);
         }
@@ -84,7 +79,7 @@ impl Records {
             .with_prevalidate_chunk_crcs(true)
             .with_record_length_limit(self.limits.record_bytes);
         let mut reader = LinearReader::new_with_options(options);
-        let whole = &data[..start + length];
+        let whole = &data[..data.len() - header.padding];
         let frame = [&[op::CHUNK][..], &(whole.len() as u64).to_le_bytes()].concat();
         let mut rest = [&frame[..], whole].into_iter().flat_map(|part| part.chunks(64 * 1024));
         let mut part: &[u8] = &[];
@@ -105,17 +100,17 @@ impl Records {
         Ok(())
     }
 
-    fn read_plain_chunk(&mut self, header: &ChunkHeader, body: &[u8]) -> Result<(), String> {
+    fn read_plain_chunk(&mut self, header: &ChunkHeader<'_>, body: &[u8]) -> Result<(), String> {
         if header.uncompressed_crc != 0 && crc32(body) != header.uncompressed_crc {
             return Err("chunk CRC failed".into());
         }
         let mut rest = body;
         while let Some((frame, after)) = rest.split_first_chunk::<9>() {
-            let (opcode, length) = (frame[0], &frame[1..]);
-            let length = length.iter().rev().fold(0_u64, |sum, &byte| sum << 8 | u64::from(byte));
-            let length = usize::try_from(length).ok().filter(|&n| n <= after.len());
-            let (data, tail) = after.split_at(length.ok_or("a record runs over its end")?);
-            self.take_plain(opcode, data)?;
+            let mut length = Fields(&frame[1..]);
+            let length = length.u64().and_then(|n| usize::try_from(n).ok());
+            let parts = length.and_then(|length| after.split_at_checked(length));
+            let (data, tail) = parts.ok_or("a record runs over its end")?;
+            self.take_plain(frame[0], data)?;
             rest = tail;
         }
         if rest.is_empty() { Ok(()) } else { Err("it ends within a record".into()) }
@@ -125,30 +120,93 @@ impl Records {
         if !matches!(opcode, op::CHANNEL | op::MESSAGE) {
             return Ok(());
         }
-        match mcap::parse_record(opcode, data).map_err(|e| e.to_string())? {
-            Record::Channel(channel) => {
-                if channel.topic.len() > NAME_BYTES || channel.message_encoding.len() > NAME_BYTES {
-                    return Err(format!("the name of channel {} is too long", channel.id));
-                }
-                let names = (channel.topic.into(), channel.message_encoding.into());
-                self.channels.insert(channel.id, names);
+        let mut fields = Fields(data);
+        if opcode == op::CHANNEL {
+            let (id, _schema) = (fields.u16(), fields.u16());
+            let (topic, encoding) = (fields.text(), fields.text());
+            let (Some(id), Some(topic), Some(encoding)) = (id, topic, encoding) else {
+                return Err("a channel record is shorter than it says, or not text".into());
+            };
+            if topic.len() > NAME_BYTES || encoding.len() > NAME_BYTES {
+                return Err(format!("the name of channel {id} is too long"));
             }
-            Record::Message { header, data } => {
-                let known = self.channels.get(&header.channel_id).cloned();
-                let (channel, encoding) =
-                    known.ok_or_else(|| format!("channel {} is unknown", header.channel_id))?;
-                self.messages.push(LogMessage {
-                    channel,
-                    encoding,
-                    sequence: header.sequence,
-                    log_time: Timestamp(header.log_time),
-                    publish_time: Timestamp(header.publish_time),
-                    data: Bytes::copy_from_slice(&data),
-                });
-            }
-            _ => {}
+            self.channels.insert(id, (topic.into(), encoding.into()));
+            return Ok(());
         }
+        let (id, sequence) = (fields.u16(), fields.u32());
+        let (log_time, publish_time) = (fields.u64(), fields.u64());
+        let (Some(id), Some(sequence), Some(log_time), Some(publish_time)) =
+            (id, sequence, log_time, publish_time)
+        else {
+            return Err("a message is shorter than its header".into());
+        };
+        let (channel, encoding) =
+            self.channels.get(&id).cloned().ok_or_else(|| format!("channel {id} is unknown"))?;
+        self.messages.push(LogMessage {
+            channel,
+            encoding,
+            sequence,
+            log_time: Timestamp(log_time),
+            publish_time: Timestamp(publish_time),
+            data: Bytes::copy_from_slice(fields.0),
+        });
         Ok(())
+    }
+}
+
+/// The header of a chunk, checked against the length of its record.
+struct ChunkHeader<'a> {
+    uncompressed_size: u64,
+    uncompressed_crc: u32,
+    compression: &'a str,
+    body: &'a [u8],
+    /// Bytes of the record after the body.
+    padding: usize,
+}
+
+impl<'a> ChunkHeader<'a> {
+    fn read(data: &'a [u8]) -> Option<ChunkHeader<'a>> {
+        let mut fields = Fields(data);
+        let (_start, _end) = (fields.u64()?, fields.u64()?);
+        let (uncompressed_size, uncompressed_crc) = (fields.u64()?, fields.u32()?);
+        let compression = fields.text()?;
+        let length = usize::try_from(fields.u64()?).ok()?;
+        let body = fields.bytes(length)?;
+        let padding = fields.0.len();
+        Some(ChunkHeader { uncompressed_size, uncompressed_crc, compression, body, padding })
+    }
+}
+
+/// Takes the fields of a record one by one. The crate's own parser reserves what a length field
+/// says before it looks whether there is as much.
+struct Fields<'a>(&'a [u8]);
+
+impl<'a> Fields<'a> {
+    fn bytes(&mut self, length: usize) -> Option<&'a [u8]> {
+        let (taken, rest) = self.0.split_at_checked(length)?;
+        self.0 = rest;
+        Some(taken)
+    }
+
+    fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
+        self.bytes(N)?.try_into().ok()
+    }
+
+    fn u16(&mut self) -> Option<u16> {
+        self.array().map(u16::from_le_bytes)
+    }
+
+    fn u32(&mut self) -> Option<u32> {
+        self.array().map(u32::from_le_bytes)
+    }
+
+    fn u64(&mut self) -> Option<u64> {
+        self.array().map(u64::from_le_bytes)
+    }
+
+    fn text(&mut self) -> Option<&'a str> {
+        let length = usize::try_from(self.u32()?).ok()?;
+        std::str::from_utf8(self.bytes(length)?).ok()
     }
 }
 

@@ -99,12 +99,12 @@ impl Queue {
         Ok(())
     }
 
-    /// Waits until a batch is due and takes it. `retry` holds back durable messages for one period:
-    /// the disk has just refused them.
+    /// Waits until a batch is due and takes it. `retry`: the disk has just refused one, and is tried
+    /// again after a period or with the next durable message, not with every bit of telemetry.
     pub fn take_batch(&self, retry: bool) -> Batch {
         let period = Duration::from_millis(COMMIT_MS);
         let waits = |s: &mut State| {
-            !s.ended && (retry || (s.durable.is_empty() && s.telemetry_bytes < COMMIT_BYTES))
+            !s.ended && s.durable.is_empty() && (retry || s.telemetry_bytes < COMMIT_BYTES)
         };
         let guard = self.wake.wait_timeout_while(self.lock(), period, waits);
         let mut state = guard.unwrap_or_else(PoisonError::into_inner).0;

@@ -1,0 +1,175 @@
+//! Replay: the same bytes at the right time, from any place, at any speed.
+
+use bridge::bus::ChannelMessage;
+use bridge::reader::{Limits, LogContent, LogMessage, read_log};
+use bridge::recorder::{Record, Recorder};
+use bridge::replay::{Replay, ReplayError};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use wire::time::Timestamp;
+
+use crate::recorder::{messages, options};
+use crate::support::{FaultyDisk, START, after, record};
+
+/// The wall clock of these tests is another one than the log's.
+fn wall(seconds: f64) -> Timestamp {
+    Timestamp(1_900_000_000_000_000_000).plus_seconds(seconds)
+}
+
+fn logged(records: &[Record]) -> LogContent {
+    let disk = FaultyDisk::default();
+    let mut recorder = Recorder::start_on(Box::new(disk.clone()), options()).unwrap();
+    records.iter().for_each(|r| recorder.record(r.clone()));
+    recorder.finish().unwrap();
+    read_log(&*disk.files().into_values().next().unwrap(), Limits::default()).unwrap()
+}
+
+fn open(records: &[Record], rate: f64) -> Replay {
+    Replay::open(wall(0.0), "r1", "log", logged(records), None, rate).unwrap()
+}
+
+fn sequences(messages: &[ChannelMessage]) -> Vec<u64> {
+    messages.iter().map(|message| message.sequence).collect()
+}
+
+#[test]
+fn what_comes_out_is_byte_for_byte_what_was_recorded() {
+    let records = messages(1000);
+    let mut replay = open(&records, 1.0);
+    let (mut out, mut rng) = (Vec::new(), ChaCha8Rng::seed_from_u64(5));
+    let mut seconds = 0.0;
+    while !replay.state(wall(seconds)).ended {
+        out.extend(replay.advance(wall(seconds)));
+        seconds += rng.random_range(0.0..0.7);
+    }
+    assert_eq!(out.len(), records.len());
+    for (given, recorded) in out.iter().zip(&records) {
+        assert_eq!((&given.channel, &given.json), (&recorded.channel, &recorded.json));
+        assert_eq!(given.sequence, recorded.sequence);
+        assert_eq!(given.received_time, recorded.log_time);
+        assert_eq!(given.onboard_time, recorded.publish_time);
+    }
+}
+
+#[test]
+fn each_message_comes_when_it_is_due_and_the_rate_changes_on_the_way() {
+    // One message every 0.1 s.
+    let mut replay = open(&messages(1000), 1.0);
+    assert_eq!(sequences(&replay.advance(wall(0.0))), [0]);
+    assert_eq!(replay.next_due(), Some(wall(0.1)));
+    assert_eq!(replay.advance(wall(0.099)), []);
+    assert_eq!(sequences(&replay.advance(wall(0.25))), [1, 2]);
+    replay.set_rate(wall(0.25), 10.0).unwrap();
+    assert_eq!(replay.advance(wall(0.351)).len(), 10, "a second of log in 0.1 s");
+    replay.pause(wall(0.351));
+    assert_eq!(replay.advance(wall(100.0)), []);
+    assert_eq!(replay.next_due(), None);
+    assert_eq!(replay.state(wall(100.0)).at, after(1.26));
+    replay.resume(wall(100.0));
+    assert_eq!(sequences(&replay.advance(wall(100.01))), [13]);
+    replay.set_rate(wall(100.01), 1000.0).unwrap();
+    assert_eq!(replay.advance(wall(101.0)).len(), 1000 - 14);
+    let state = replay.state(wall(101.0));
+    assert_eq!((state.at, state.ended), (after(99.9), true));
+    assert_eq!((state.start, state.end), (START, after(99.9)));
+}
+
+#[test]
+fn speeds_out_of_range_are_refused() {
+    let mut replay = open(&messages(3), 1.0);
+    for rate in [0.0, 0.09, 1000.1, -1.0, f64::NAN] {
+        let refused = replay.set_rate(wall(0.0), rate).unwrap_err();
+        assert_eq!(refused.code(), "rate_invalid", "{rate}");
+    }
+}
+
+fn command_event(sequence: u64, at: f64, id: &str, state: &str) -> Record {
+    let json = format!(r#"{{"command":{{"id":"{id}"}},"state":"{state}"}}"#);
+    record("command/event", sequence, after(at), json)
+}
+
+#[test]
+fn a_seek_gives_the_state_there_and_then_what_follows() {
+    let frame = |n: u64, at: f64| record("rover/state", n, after(at), format!("{{\"n\":{n}}}"));
+    let records = [
+        frame(1, 0.0),
+        record("link/report", 1, after(0.1), "{}".into()),
+        command_event(1, 0.2, "a", "staged"),
+        command_event(2, 0.3, "b", "staged"),
+        record("event", 1, after(0.4), "{}".into()),
+        frame(2, 1.0),
+        command_event(3, 1.1, "a", "armed"),
+        frame(3, 2.0),
+        command_event(4, 2.1, "b", "cancelled"),
+    ];
+    let mut replay = open(&records, 1.0);
+    let names = |messages: Vec<ChannelMessage>| -> Vec<String> {
+        messages.iter().map(|m| format!("{} {}", m.channel, m.sequence)).collect()
+    };
+    let state = names(replay.seek(wall(0.0), after(1.5)));
+    assert_eq!(state, ["link/report 1", "command/event 2", "rover/state 2", "command/event 3"]);
+    assert_eq!(names(replay.advance(wall(0.5))), ["rover/state 3"]);
+    assert_eq!(names(replay.seek(wall(1.0), after(-5.0))), ["rover/state 1"], "back to the start");
+    assert_eq!(replay.state(wall(1.0)).at, START);
+    let end = names(replay.seek(wall(2.0), after(99.0)));
+    let all_latest = ["link/report 1", "command/event 3", "rover/state 3", "command/event 4"];
+    assert_eq!(end, all_latest);
+    assert!(replay.state(wall(2.0)).ended);
+}
+
+#[test]
+fn every_seek_agrees_with_a_scan_from_the_beginning() {
+    let records = messages(400);
+    let mut replay = open(&records, 1.0);
+    let mut rng = ChaCha8Rng::seed_from_u64(6);
+    for _ in 0..500 {
+        let at = after(rng.random_range(-1.0..41.0));
+        let state = replay.seek(wall(0.0), at);
+        let place = at.clamp(records[0].log_time, records[399].log_time);
+        let before: Vec<_> = records.iter().filter(|r| r.log_time <= place).collect();
+        let frame = before.iter().rev().find(|r| &*r.channel == "rover/state");
+        let expected: Vec<u64> = frame.map(|r| r.sequence).into_iter().collect();
+        assert_eq!(sequences(&state), expected, "at {at:?}");
+        let next = replay.advance(wall(1e6));
+        assert_eq!(next.len(), records.len() - before.len());
+        assert!(next.first().is_none_or(|m| m.sequence == before.len() as u64));
+    }
+}
+
+#[test]
+fn a_replay_may_begin_in_the_middle() {
+    let content = logged(&messages(100));
+    let from = Some(after(5.05));
+    let mut replay = Replay::open(wall(0.0), "r1", "log", content, from, 1.0).unwrap();
+    assert_eq!(sequences(&replay.snapshot()), [50]);
+    assert_eq!(sequences(&replay.advance(wall(0.06))), [51]);
+}
+
+#[test]
+fn a_message_of_an_earlier_time_comes_with_the_one_before_it() {
+    let times = [0.0, 2.0, 1.0, 3.0];
+    let record = |(i, at): (usize, &f64)| record("event", i as u64, after(*at), "{}".into());
+    let mut replay = open(&times.iter().enumerate().map(record).collect::<Vec<_>>(), 1.0);
+    assert_eq!(sequences(&replay.advance(wall(1.5))), [0]);
+    assert_eq!(sequences(&replay.advance(wall(2.0))), [1, 2], "the order of the log is kept");
+}
+
+#[test]
+fn what_is_not_json_is_left_out_and_counted() {
+    let message = |encoding: &str, data: &'static [u8]| LogMessage {
+        channel: "x".into(),
+        encoding: encoding.into(),
+        sequence: 0,
+        log_time: START,
+        publish_time: START,
+        data: data.into(),
+    };
+    let foreign =
+        vec![message("cdr", b"\0\x01"), message("json", b"{\"a\":"), message("json", b"1")];
+    let content = LogContent { messages: foreign, damage: vec![] };
+    let replay = Replay::open(wall(0.0), "r1", "log", content, None, 1.0).unwrap();
+    assert_eq!(replay.skipped(), 2);
+    let none = LogContent { messages: vec![message("cdr", b"")], damage: vec![] };
+    let refused = Replay::open(wall(0.0), "r1", "log", none, None, 1.0).unwrap_err();
+    assert_eq!(refused, ReplayError::Empty { log: "log".into() });
+}
