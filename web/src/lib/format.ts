@@ -38,6 +38,14 @@ export function capital(text: string): string {
   return text.charAt(0).toUpperCase() + text.slice(1);
 }
 
+/** A sentence of the server with its identifiers as words: `leg2_hip_pitch_link` → `leg 2 hip pitch`. */
+export function readable(text: string): string {
+  return text
+    .replace(/\bleg(\d+)(?=_|\b)/g, "leg $1")
+    .replace(/(?<=[a-z0-9])_link\b/g, "")
+    .replace(/(?<=[a-z0-9])_(?=[a-z0-9])/g, " ");
+}
+
 /** Words of an identifier of the server: `no_path` → `no path`. */
 export function words(identifier: string): string {
   return identifier.replaceAll("_", " ");

@@ -34,16 +34,23 @@ export const REACHABILITY: ClassStyle[] = [
 ];
 
 /** What the reason codes of a reachability grid mean. */
-export const REASONS: Record<number, string> = {
-  1: "out of reach",
-  2: "a joint limit",
-  3: "unknown ground",
-  4: "too little stability margin",
-  5: "a settling foot would tip the rover",
-  6: "the leg would touch the ground",
-  7: "the leg would touch the rover",
-  8: "the lift waypoint is out of reach",
-  9: "the lift waypoint collides",
-  10: "a joint torque above its limit",
-  11: "the ground is too steep or too rough",
+export const REASONS: Record<number, Reason> = {
+  1: { text: "out of reach", unit: "m" },
+  2: { text: "a joint beyond its limit", unit: "rad" },
+  3: { text: "nobody has seen the ground", unit: "m" },
+  4: { text: "too little stability margin", unit: "m" },
+  5: { text: "a settling foot would tip the rover", unit: "m" },
+  6: { text: "the leg too near to the ground", unit: "m" },
+  7: { text: "the leg too near to the rover", unit: "m" },
+  8: { text: "the lift waypoint is out of reach", unit: "m" },
+  9: { text: "something in the way at the lift waypoint", unit: "m" },
+  10: { text: "a joint overloaded", unit: "share" },
+  11: { text: "the ground under the wheel is too uneven", unit: "m" },
+  12: { text: "the leg cannot be lifted where it stands", unit: "m" },
 };
+
+export interface Reason {
+  text: string;
+  /** Unit of the amount that is missing. */
+  unit: "m" | "rad" | "share";
+}

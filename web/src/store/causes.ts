@@ -3,7 +3,7 @@
 import type { Channels } from "./streamState";
 import type { Connection } from "./console";
 import type { RoverModel } from "../api/types";
-import { legLabel, metres, percent } from "../lib/format";
+import { readable, legLabel, metres, percent } from "../lib/format";
 
 export const STATUSES = ["normal", "standby", "caution", "serious", "critical"] as const;
 export type Status = "off" | (typeof STATUSES)[number];
@@ -29,7 +29,7 @@ export function causesOf({ connection, model, channels, stale }: Situation): Cau
   if (rover?.mode === "stopped") add("serious", "The rover is stopped by an E-stop");
   if (stale && connection === "open") add("caution", "Telemetry is old");
   for (const c of channels.commands) {
-    if (c.state === "overdue") add("serious", `“${c.title}” is overdue, outcome unknown`);
+    if (c.state === "overdue") add("serious", `“${readable(c.title)}” is overdue, outcome unknown`);
   }
   const stability = channels.stability?.message;
   if (stability && model) {

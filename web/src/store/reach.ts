@@ -66,7 +66,8 @@ export function dropReach(): void {
 export interface ReachCell {
   class: number;
   reason: number;
-  missing_m: number;
+  /** In the unit of the reason. */
+  missing: number;
   margin_m: number;
 }
 
@@ -76,7 +77,7 @@ export function reachAt(grid: ReachGrid, x: number, y: number): ReachCell | null
   return {
     class: grid.classes[i]!,
     reason: grid.reasons[i]!,
-    missing_m: grid.missing[i]!,
+    missing: grid.missing[i]!,
     margin_m: grid.margin[i]!,
   };
 }

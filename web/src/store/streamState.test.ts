@@ -102,8 +102,11 @@ describe("the stream's fold", () => {
     );
     const on = fold(open, { op: "replay", state: replay("r", 51) });
     expect(on.replay?.commands.length).toBe(1);
-    const back = fold(open, { op: "replay", state: replay("r", 10) });
+    const back = fold(open, { op: "replay", state: replay("r", 1) });
     expect(back.replay?.commands).toEqual([]);
+    // What the server told again before it told the new place stays.
+    const later = fold(open, { op: "replay", state: replay("r", 10) });
+    expect(later.replay?.commands.length).toBe(1);
     expect(fold(open, { op: "replay", state: replay("other", 10) })).toBe(open);
   });
 

@@ -33,6 +33,8 @@ export interface Channels {
   terrain: Stamped<TerrainNotice> | null;
   /** In order of staging. */
   commands: CommandRecord[];
+  /** When the last word on each command came (ms). */
+  heard_ms: Record<string, number>;
   /** Newest first, bounded. */
   events: Stamped<EventNotice>[];
   /** Messages that this console was too slow for. */
@@ -45,6 +47,7 @@ export const NO_CHANNELS: Channels = {
   link: null,
   terrain: null,
   commands: [],
+  heard_ms: {},
   events: [],
   missed: 0,
 };
@@ -104,10 +107,17 @@ function ofThisReplay(state: StreamState, id: string): boolean {
 function replayed(state: StreamState, next: ReplayState): StreamState {
   if (!ofThisReplay(state, next.id)) return state;
   const back = parseTime(next.at) < parseTime(state.replayState?.at ?? next.at) - 500;
-  // Going back in time un-happens commands and events; the server replays those before `at`.
-  const replay =
-    back && state.replay ? { ...state.replay, commands: [], events: [] } : state.replay;
+  const replay = back && state.replay ? upTo(state.replay, parseTime(next.at)) : state.replay;
   return { ...state, replay, replayState: next };
+}
+
+/** Going back in time un-happens what came later; the server tells again what was true before. */
+function upTo(channels: Channels, at_ms: number): Channels {
+  return {
+    ...channels,
+    commands: channels.commands.filter((c) => (channels.heard_ms[c.id] ?? 0) <= at_ms),
+    events: channels.events.filter((e) => e.received_ms <= at_ms),
+  };
 }
 
 function message(state: StreamState, frame: StreamMessage): StreamState {
@@ -138,7 +148,8 @@ function fold(channels: Channels, frame: StreamMessage): Channels {
     case "command/event": {
       const event = frame.message as CommandEvent;
       const record: CommandRecord = { ...event.command, state: event.state };
-      return { ...channels, commands: withCommand(channels.commands, record) };
+      const heard_ms = { ...channels.heard_ms, [record.id]: parseTime(frame.received_time) };
+      return { ...channels, heard_ms, commands: withCommand(channels.commands, record) };
     }
     case "event": {
       const known = channels.events.some((e) => e.sequence === frame.sequence);

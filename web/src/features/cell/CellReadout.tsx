@@ -4,8 +4,8 @@ import { useEffect, useState } from "react";
 
 import { api, sentenceOf } from "../../api/client";
 import type { CellAnswer, Vec3 } from "../../api/types";
-import { degrees, metres, signless } from "../../lib/format";
-import { REACHABILITY, REASONS, TRAVERSABILITY } from "../../scene/palette";
+import { degrees, metres, percent, signless } from "../../lib/format";
+import { REACHABILITY, type Reason, REASONS, TRAVERSABILITY } from "../../scene/palette";
 import { reachAt, type ReachCell, useReach } from "../../store/reach";
 import { useSelection } from "../../store/selection";
 import { classAt, useTerrain } from "../../store/terrain";
@@ -94,6 +94,11 @@ function Fact({ name, value }: { name: string; value: string }) {
   );
 }
 
+function shortBy(missing: number, unit: Reason["unit"]): string {
+  if (unit === "rad") return degrees(missing);
+  return unit === "share" ? percent(missing) : metres(missing);
+}
+
 /** In words: can the leg stand here, and if not, which check fails and by how much. */
 export function whyNot(reach: ReachCell): string {
   const verdict = REACHABILITY.find((s) => s.value === reach.class)?.name ?? "unknown";
@@ -102,9 +107,9 @@ export function whyNot(reach: ReachCell): string {
     return `Reachable${margin}`;
   }
   const reason = REASONS[reach.reason];
-  const short = Number.isFinite(reach.missing_m) && reach.missing_m > 0;
-  const amount = short ? `, ${metres(reach.missing_m)} short` : "";
-  return `${verdict.charAt(0).toUpperCase()}${verdict.slice(1)}${reason ? `: ${reason}${amount}` : amount}`;
+  const short = Number.isFinite(reach.missing) && reach.missing > 0;
+  const amount = short ? `, ${shortBy(reach.missing, reason?.unit ?? "m")} short` : "";
+  return `${verdict.charAt(0).toUpperCase()}${verdict.slice(1)}${reason ? `: ${reason.text}${amount}` : amount}`;
 }
 
 function WhyNot({ reach }: { reach: ReachCell }) {

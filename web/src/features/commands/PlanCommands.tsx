@@ -2,6 +2,7 @@
 
 import type { CommandRecord, PlanAnswer, PlanCommand } from "../../api/types";
 import { commandClock } from "../../lib/commandClock";
+import { readable } from "../../lib/format";
 import { formatSpan } from "../../lib/time";
 import { arm, ofPlan, planKey, stagePlanned, takeBack, useRequests } from "../../store/commands";
 import { useLive } from "../../store/console";
@@ -57,7 +58,7 @@ function Row({ plan_id, index, command, record, ready }: RowProps) {
     >
       <CommandMark state={record?.state ?? null} />
       <div className="command-text">
-        <span>{command.title}</span>
+        <span>{readable(command.title)}</span>
         <span className="quiet small">
           <span data-testid={`state-${index}`}>{clock?.word ?? "planned"}</span>
           {clock?.waits ? (
@@ -66,7 +67,7 @@ function Row({ plan_id, index, command, record, ready }: RowProps) {
             <span className="num">{formatSpan(command.duration_s)}</span>
           )}
         </span>
-        {record?.why && <span className="trouble small">{record.why}</span>}
+        {record?.why && <span className="trouble small">{readable(record.why)}</span>}
         {failure && (
           <span className="trouble small" role="alert">
             {failure}

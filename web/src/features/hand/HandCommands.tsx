@@ -1,6 +1,7 @@
 // Commands by hand that are open or under way, with arm and take back.
 
 import { commandClock, isOpen, isUnderWay } from "../../lib/commandClock";
+import { readable } from "../../lib/format";
 import { arm, takeBack, useRequests } from "../../store/commands";
 import { useLive } from "../../store/console";
 import { useServerNow } from "../../store/now";
@@ -24,7 +25,7 @@ export function HandCommands() {
             <li key={command.id} className="command" data-state={command.state}>
               <CommandMark state={command.state} />
               <div className="command-text">
-                <span>{command.title}</span>
+                <span>{readable(command.title)}</span>
                 <span className="quiet small">
                   {clock.word} {clock.waits}
                 </span>

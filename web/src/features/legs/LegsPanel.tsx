@@ -1,6 +1,6 @@
 // The legs: choose one, see which stand, and how stable the stance is.
 
-import { capital, legLabel, metres } from "../../lib/format";
+import { capital, legLabel, metres, readable } from "../../lib/format";
 import { useChannels, useConsole } from "../../store/console";
 import { chooseLeg, useSelection } from "../../store/selection";
 import { MarginDial } from "../telemetry/MarginDial";
@@ -68,9 +68,9 @@ export function StancePanel() {
         <p
           className="quiet small critical-edge"
           data-testid="critical-edge"
-          title={regular.critical}
+          title={readable(regular.critical)}
         >
-          decided by {regular.critical}
+          decided by {readable(regular.critical)}
         </p>
       )}
     </section>

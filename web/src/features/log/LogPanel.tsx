@@ -1,5 +1,6 @@
 // What happened: commands and events, newest first.
 
+import { readable } from "../../lib/format";
 import { formatClock, parseOptional } from "../../lib/time";
 import type { EventLevel } from "../../api/types";
 import type { Status } from "../../store/causes";
@@ -28,11 +29,11 @@ export function LogPanel() {
             <li key={command.id} className="command" data-state={command.state}>
               <CommandMark state={command.state} />
               <div className="command-text">
-                <span>{command.title}</span>
+                <span>{readable(command.title)}</span>
                 <span className="quiet small">
                   {COMMAND_WORDS[command.state]} by {command.operator}
                 </span>
-                {command.why && <span className="trouble small">{command.why}</span>}
+                {command.why && <span className="trouble small">{readable(command.why)}</span>}
               </div>
               <span className="num quiet">
                 {formatClock(parseOptional(command.sent ?? command.staged) ?? NaN)}
@@ -49,7 +50,7 @@ export function LogPanel() {
             <li key={event.sequence} className="command">
               <StatusMark status={LEVELS[event.message.level]} label={event.message.level} />
               <div className="command-text">
-                <span>{event.message.text}</span>
+                <span>{readable(event.message.text)}</span>
                 <span className="quiet small">{event.message.who}</span>
               </div>
               <span className="num quiet">{formatClock(event.received_ms)}</span>

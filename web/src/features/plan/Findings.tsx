@@ -3,7 +3,7 @@
 import { useState } from "react";
 
 import type { PlanFinding } from "../../api/types";
-import { capital, words } from "../../lib/format";
+import { capital, degrees, metres, percent, readable, words } from "../../lib/format";
 import { StatusMark } from "../../ui/StatusMark";
 
 export function Findings({ findings }: { findings: PlanFinding[] }) {
@@ -37,8 +37,14 @@ export function Findings({ findings }: { findings: PlanFinding[] }) {
   );
 }
 
+/** What is to spare, in the unit of the check. */
+function toSpare(check: string, margin: number): string {
+  if (check === "joint_limits") return degrees(margin);
+  return check === "torque" ? percent(margin) : metres(margin, 3);
+}
+
 function Row({ finding }: { finding: PlanFinding }) {
-  const place = [finding.where, finding.detail].filter(Boolean).join(": ");
+  const place = readable([finding.where, finding.detail].filter(Boolean).join(": "));
   return (
     <li className="finding">
       <StatusMark
@@ -50,7 +56,9 @@ function Row({ finding }: { finding: PlanFinding }) {
         {place && <div className="quiet small">{place}</div>}
       </div>
       {finding.margin !== null && Number.isFinite(finding.margin) && (
-        <span className="num">{finding.margin.toFixed(3)}</span>
+        <span className="num" title="To spare">
+          {toSpare(finding.check, finding.margin)}
+        </span>
       )}
     </li>
   );

@@ -3,7 +3,7 @@
 import { RotateCcw, Trash2 } from "lucide-react";
 
 import type { PlanAnswer } from "../../api/types";
-import { capital, legLabel, words } from "../../lib/format";
+import { capital, legLabel, readable, words } from "../../lib/format";
 import { useConsole, useLive } from "../../store/console";
 import { useBlocked } from "../../store/permission";
 import { cancelPlanning, dropPlan, makePlan, usePlan } from "../../store/plan";
@@ -112,7 +112,7 @@ function PlanView({ plan }: { plan: PlanAnswer }) {
           </span>
         </div>
         <Outdated plan={plan} />
-        {plan.reason && <p className={found ? "quiet" : ""}>{plan.reason}</p>}
+        {plan.reason && <p className={found ? "quiet" : ""}>{readable(plan.reason)}</p>}
       </section>
       {plan.waypoints.length > 1 && <Preview plan={plan} />}
       {plan.commands.length > 0 && <PlanCommands plan={plan} />}

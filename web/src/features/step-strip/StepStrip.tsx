@@ -5,7 +5,7 @@ import { useEffect, useRef } from "react";
 
 import type { CommandRecord } from "../../api/types";
 import { commandClock, isOpen, isUnderWay } from "../../lib/commandClock";
-import { legLabel } from "../../lib/format";
+import { legLabel, readable } from "../../lib/format";
 import { STAGES, type Step, stepOf } from "../../lib/step";
 import { formatSpan } from "../../lib/time";
 import { ofPlan, sendArmed, takeBack, useRequests } from "../../store/commands";
@@ -52,7 +52,7 @@ export function StepStrip() {
         ))}
       </ol>
       <div className="strip-say" data-testid="step" data-stage={step.stage}>
-        <p className={step.trouble ? "trouble" : ""}>{step.sentence}</p>
+        <p className={step.trouble ? "trouble" : ""}>{readable(step.sentence)}</p>
         {/* The sentence counts down; only where the step stands is read out. */}
         <span className="sr" aria-live="polite">
           {[step.stage, step.command].filter(Boolean).join(": ")}
@@ -72,8 +72,8 @@ export function StepStrip() {
 export function sendVerb(command: CommandRecord): string {
   if (command.body.type === "stop") return "Send stop";
   const leg = legLabel(command.body.leg);
-  const what = command.title.split(" ")[0]?.toLowerCase() ?? "command";
-  return `Send ${what} to ${leg}`;
+  const word = command.title.split(" ")[0]?.toLowerCase() ?? "command";
+  return `Send ${word === "put" ? "drop" : word} to ${leg}`;
 }
 
 function SendArmed({ command, now }: { command: CommandRecord; now: number }) {
