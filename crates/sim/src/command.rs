@@ -62,8 +62,6 @@ pub struct Basis {
 pub enum Refusal {
     #[error("the command's id has {bytes} bytes; 1 to {ID_LENGTH_MAX} are allowed")]
     IdLength { bytes: usize },
-    #[error("the command {id} was received before; each is executed at most once")]
-    Repeated { id: String },
     #[error("the rover is stopped; release the stop first")]
     Stopped,
     #[error("the rover stopped for a fault; release the stop first: {fault}")]

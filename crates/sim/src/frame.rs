@@ -66,7 +66,9 @@ pub struct Event {
 /// What happened to a command, stop or release.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {
-    /// Arrived and understood.
+    /// Arrived and understood. A copy of what was received before says this again, with a detail,
+    /// and nothing follows: it is refused, but `Rejected` would belie the first one, which may be
+    /// under way or done.
     Received,
     /// Refused; nothing has moved.
     Rejected,

@@ -2,7 +2,7 @@
 
 use collision::{ContactZone, LegChecker, Scene, Touch};
 use geometry::ConvexPolygon;
-use rover::{LegAngles, LegId, Posture};
+use rover::{LegAngles, LegId, LinkId, Posture, Robot};
 use stability::support_polygon;
 
 use crate::command::Refusal;
@@ -144,19 +144,19 @@ impl<'a> Guard<'a> {
     pub fn look(&self, posture: &Posture) -> Option<Fault> {
         let robot = self.scene.robot();
         let leg = self.checker.leg();
-        if let Some(touched) = self.checker.collision(posture, Some(&self.zone)) {
+        if let Some(touch) =
+            self.checker.collision(posture, Some(&self.zone)).map(|found| found.touch)
+        {
             let wheel = |posture: &Posture| posture.wheel(robot, leg).center();
             let from_goal = (wheel(&self.goal) - wheel(posture)).norm();
-            let name = |link: rover::LinkId| robot.links()[link.0].name.clone();
-            let met = |link, what| Fault::LinkMet { link: name(link), what, from_goal };
-            return Some(match touched.touch {
-                Touch::Ground(link) if link == robot.leg(leg).wheel_link => {
+            let (link, what) = touched(robot, touch);
+            let wheel_link = robot.leg(leg).wheel_link;
+            return Some(match touch {
+                Touch::Ground(part) if part == wheel_link => {
                     Fault::WheelMetGround { leg: robot.leg(leg).name.clone(), from_goal }
                 }
-                Touch::Ground(link) => met(link, "the ground".into()),
-                Touch::Links(a, b) => met(a, name(b)),
-                Touch::Obstacle(link, index) => met(link, format!("obstacle {index}")),
-                Touch::UnknownGround(link) => Fault::UnknownGround { link: name(link), from_goal },
+                Touch::UnknownGround(_) => Fault::UnknownGround { link, from_goal },
+                _ => Fault::LinkMet { link, what, from_goal },
             });
         }
         let name = robot.leg(leg).name.clone();
@@ -169,5 +169,16 @@ impl<'a> Guard<'a> {
             }),
             Err(None) => Some(Fault::TooFewFeet { leg: name }),
         }
+    }
+}
+
+/// The link that touches, and what it touches, by name.
+pub(crate) fn touched(robot: &Robot, touch: Touch) -> (String, String) {
+    let name = |link: LinkId| robot.links()[link.0].name.clone();
+    match touch {
+        Touch::Links(a, b) => (name(a), name(b)),
+        Touch::Ground(link) => (name(link), "the ground".into()),
+        Touch::Obstacle(link, index) => (name(link), format!("obstacle {index}")),
+        Touch::UnknownGround(link) => (name(link), "unknown ground".into()),
     }
 }

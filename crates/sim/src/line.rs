@@ -80,12 +80,12 @@ impl Line<'_> {
         };
         let on_branch = all.iter().find(|s| s.branch == branch);
         let solution = on_branch.ok_or(Refusal::LineBranch { at, length })?;
+        if change(solution) > JUMP {
+            return Err(Refusal::LineBranch { at, length });
+        }
         if !solution.within_limits {
             let joint = self.joint_beyond(&solution.angles);
             return Err(Refusal::LineLimit { at, length, joint });
-        }
-        if change(solution) > JUMP {
-            return Err(Refusal::LineBranch { at, length });
         }
         Ok(solution.angles)
     }

@@ -1,6 +1,6 @@
 //! The rover on board: takes commands, executes one at a time, guards itself.
 
-use collision::Scene;
+use collision::{Scene, survey};
 use rover::{Configuration, LegId, Posture, Wrench, hold_torques};
 use stability::{spring_share, support_polygon};
 
@@ -8,11 +8,14 @@ use crate::command::{
     Command, ID_LENGTH_MAX, Motion, Refusal, check_basis, check_knots, leg_named,
 };
 use crate::frame::{Event, Executing, Frame, Mode, Stage};
-use crate::guard::{Guard, LOOK, predict_support};
+use crate::guard::{Guard, LOOK, predict_support, touched};
 use crate::line::wheel_line;
 use crate::memory::Memory;
 use crate::path::TimedPath;
 use crate::stand::{Foot, feet, foot, standing};
+
+/// How much of an identity that is too long is told back (characters).
+const ID_SHOWN: usize = 32;
 
 /// Why a rover cannot be put down in a configuration.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -24,6 +27,8 @@ pub enum StandError {
     NotFinite,
     #[error("gravity is {gravity} m/s²; it must be finite and above zero")]
     Gravity { gravity: f64 },
+    #[error("{link} would be in {what}")]
+    Collides { link: String, what: String },
     #[error("{n_standing} wheels stand on the ground, and 3 are needed")]
     TooFewFeet { n_standing: usize },
     #[error("the center of mass is {outside:.2} m outside the support of the standing wheels")]
@@ -134,11 +139,9 @@ impl SimRover {
     /// Takes a command. It is refused or begins at once.
     pub fn command(&mut self, command: Command) {
         let Command { id, motion, basis } = command;
-        if let Err(refusal) = self.remember(&id) {
-            self.refuse(id, refusal);
+        if !self.receive(&id) {
             return;
         }
-        self.tell(&id, Stage::Received, None);
         if motion == Motion::Stop {
             self.abort("a stop command");
             self.tell(&id, Stage::Completed, None);
@@ -156,7 +159,7 @@ impl SimRover {
                 self.mode = Mode::Executing;
                 self.execution = Some(Execution { id, leg, path, elapsed: 0.0 });
             }
-            Err(refusal) => self.refuse(id, refusal),
+            Err(refusal) => self.tell(&id, Stage::Rejected, Some(refusal.to_string())),
         }
     }
 
@@ -171,11 +174,9 @@ impl SimRover {
     /// Ends an E-stop and clears a fault. Each identity counts once, so that a release that
     /// arrives twice does not end a later stop.
     pub fn release(&mut self, id: &str) {
-        if let Err(refusal) = self.remember(id) {
-            self.refuse(id.to_owned(), refusal);
+        if !self.receive(id) {
             return;
         }
-        self.tell(id, Stage::Received, None);
         let stopped = matches!(self.mode, Mode::Stopped | Mode::Fault);
         if stopped {
             self.mode = Mode::Idle;
@@ -267,16 +268,23 @@ impl SimRover {
         }
     }
 
-    /// Refuses an identity that was there before or is too long to be remembered.
-    fn remember(&mut self, id: &str) -> Result<(), Refusal> {
-        if id.is_empty() || id.len() > ID_LENGTH_MAX {
-            return Err(Refusal::IdLength { bytes: id.len() });
+    /// Takes note of an identity; false for one that is not to be acted on: a copy of what was
+    /// received before, whatever came of that, or one too long to be remembered.
+    fn receive(&mut self, id: &str) -> bool {
+        let bytes = id.len();
+        if bytes == 0 || bytes > ID_LENGTH_MAX {
+            let shown: String = id.chars().take(ID_SHOWN).collect();
+            self.tell(&shown, Stage::Rejected, Some(Refusal::IdLength { bytes }.to_string()));
+            return false;
         }
         if self.memory.holds(id) {
-            return Err(Refusal::Repeated { id: id.to_owned() });
+            let detail = "a copy of what was received before: refused, for each counts once";
+            self.tell(id, Stage::Received, Some(detail.into()));
+            return false;
         }
         self.memory.keep(id);
-        Ok(())
+        self.tell(id, Stage::Received, None);
+        true
     }
 
     fn check_ready(&self) -> Result<(), Refusal> {
@@ -321,11 +329,6 @@ impl SimRover {
         }
     }
 
-    fn refuse(&mut self, id: String, refusal: Refusal) {
-        let id = if id.len() > ID_LENGTH_MAX { id.chars().take(32).collect() } else { id };
-        self.tell(&id, Stage::Rejected, Some(refusal.to_string()));
-    }
-
     fn tell(&mut self, id: &str, stage: Stage, detail: Option<String>) {
         self.events.push(Event { time_s: self.time_s, id: id.to_owned(), stage, detail });
     }
@@ -361,6 +364,11 @@ fn stand(scene: &Scene, configuration: &Configuration) -> Result<(Posture, Vec<F
     let depth = support.depth_of(posture.center_of_mass(robot).xy());
     if depth < 0.0 {
         return Err(StandError::Unsupported { outside: -depth });
+    }
+    let seen = survey(scene, &posture);
+    if let Some(pair) = seen.self_collision().or(seen.terrain_collision()) {
+        let (link, what) = touched(robot, pair.touch);
+        return Err(StandError::Collides { link, what });
     }
     Ok((posture, feet))
 }

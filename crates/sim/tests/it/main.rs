@@ -1,1 +1,122 @@
 //! The simulated rover on planes, slopes, synthetic and real ground.
+#![allow(clippy::unwrap_used)]
+
+use std::sync::Arc;
+
+use collision::{Scene, wheel_ground};
+use geometry::{Grid, Raster};
+use nalgebra::{Isometry3, Point2, Point3, Vector3};
+use rover::{Configuration, LegAngles, LegId, Payload, Posture, Robot};
+use sim::{Command, Event, Motion, SettleOptions, SimRover, Stage, settle};
+use terrain::{ElevationMap, Source};
+
+mod events;
+mod motion;
+mod refusals;
+mod settling;
+mod stops;
+
+/// Moon.
+const GRAVITY: f64 = 1.62;
+
+/// The robot that ships.
+fn athlete() -> Robot {
+    let folder = "robots/athlete/";
+    Robot::from_folder(
+        &testkit::fixture_text(&format!("{folder}robot.toml")),
+        |file| Some(testkit::fixture_text(&format!("{folder}{file}"))),
+        |_| false,
+    )
+    .unwrap()
+}
+
+/// The robot of the demo mission: 300 kg on the chassis.
+fn demo_robot() -> Robot {
+    let payload = Payload {
+        link: "chassis".into(),
+        mass: 300.0,
+        com: Point3::new(0.0, 0.0, 0.25),
+        box_size: Some(Vector3::new(1.2, 1.2, 0.5)),
+    };
+    athlete().with_payloads(&[payload]).unwrap()
+}
+
+fn scene(robot: Robot, map: ElevationMap) -> Scene {
+    Scene::new(Arc::new(robot), map, &[]).unwrap()
+}
+
+/// Ground of the given height, 16 m x 16 m around the origin, nodes 0.1 m apart.
+fn ground(height: impl Fn(f64, f64) -> f64) -> ElevationMap {
+    let grid = Grid { origin: Point2::new(-8.0, -8.0), resolution: 0.1, nx: 161, ny: 161 };
+    let heights = Raster::from_fn(grid, |ix, iy| {
+        let p = grid.position(ix, iy);
+        height(p.x, p.y) as f32
+    });
+    ElevationMap::new(heights, Source::file("test"))
+}
+
+fn plane() -> ElevationMap {
+    ElevationMap::plane(20.0, 0.5).unwrap()
+}
+
+/// The demo rover, idle on the plane z = 0, its legs bent.
+fn on_plane() -> SimRover {
+    let scene = scene(demo_robot(), plane());
+    let options = SettleOptions::default();
+    let settled = settle(&scene, Point2::origin(), 0.0, "bent", &options).unwrap();
+    SimRover::new(scene, settled.configuration, GRAVITY).unwrap()
+}
+
+/// Advances by ticks of 0.1 s.
+fn run(rover: &mut SimRover, seconds: f64) {
+    for _ in 0..(seconds / 0.1).round() as usize {
+        rover.advance(0.1);
+    }
+}
+
+fn command(id: &str, motion: Motion) -> Command {
+    Command { id: id.into(), motion, basis: None }
+}
+
+/// From where the leg is through these offsets from there (rad).
+fn path_by(rover: &SimRover, leg: usize, offsets: &[LegAngles]) -> Motion {
+    let here = rover.configuration().legs[leg];
+    let knots = std::iter::once(here).chain(offsets.iter().map(|offset| here + offset)).collect();
+    Motion::JointPath { leg: format!("leg{}", leg + 1), knots }
+}
+
+/// Hip pitch up by `angle` (rad): lifts the wheel.
+fn raise(angle: f64) -> LegAngles {
+    LegAngles::new(0.0, -angle, 0.0, 0.0, 0.0, 0.0)
+}
+
+/// The stages that a command went through.
+fn stages(events: &[Event], id: &str) -> Vec<Stage> {
+    events.iter().filter(|event| event.id == id).map(|event| event.stage).collect()
+}
+
+/// What was said of a command last.
+fn last_detail(events: &[Event], id: &str) -> String {
+    let last = events.iter().rev().find(|event| event.id == id).unwrap();
+    last.detail.clone().unwrap_or_default()
+}
+
+fn wheel_center(rover: &SimRover, leg: usize) -> Point3<f64> {
+    let robot = rover.scene().robot();
+    Posture::new(robot, rover.configuration()).wheel(robot, LegId(leg)).center()
+}
+
+/// Vertical gap of a wheel to the ground (m).
+fn gap(scene: &Scene, configuration: &Configuration, leg: usize) -> f64 {
+    let robot = scene.robot();
+    let wheel = Posture::new(robot, configuration).wheel(robot, LegId(leg));
+    wheel_ground(&wheel, scene.map(), |_| true).nearest.unwrap().gap
+}
+
+/// The wheel of a level robot pose at the origin touches this far below the base (m).
+fn pose_height(robot: &Robot, pose: &str) -> f64 {
+    let configuration =
+        Configuration { world_from_base: Isometry3::identity(), ..robot.pose(pose).unwrap() };
+    let wheel = Posture::new(robot, &configuration).wheel(robot, LegId(0));
+    -wheel.lowest_point(&Vector3::z_axis()).z
+}
