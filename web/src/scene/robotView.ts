@@ -55,8 +55,8 @@ export class RobotView {
     private readonly plain: boolean,
   ) {
     this.robot = readUrdf(urdf);
-    this.ghost = readUrdf(urdf);
-    this.predicted = readUrdf(urdf);
+    this.ghost = this.robot.clone();
+    this.predicted = this.robot.clone();
     this.addPayloads();
     dress(this.robot, model, (role, leg, joint) => this.material(role, leg, joint));
     this.robot.traverse((node) => {

@@ -71,6 +71,7 @@ export class Viewer {
     this.scene.background = new Color(SKY);
     this.scene.fog = new Fog(SKY, 40, 90);
     this.light(high);
+    canvas.addEventListener("webglcontextrestored", this.onRestored);
     this.scene.add(this.ground.group, this.stance.group, this.marks.group);
   }
 
@@ -191,7 +192,10 @@ export class Viewer {
     return this.rig.bearing();
   }
 
+  private readonly onRestored = () => this.invalidate(true);
+
   dispose(): void {
+    this.canvas.removeEventListener("webglcontextrestored", this.onRestored);
     cancelAnimationFrame(this.frame);
     clearTimeout(this.timer);
     this.rig.dispose();

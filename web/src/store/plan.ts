@@ -4,8 +4,10 @@ import { create } from "zustand";
 
 import { api, sentenceOf } from "../api/client";
 import type { JobReport, PlanAnswer, Vec3 } from "../api/types";
-import { followJob } from "./console";
+import { ofPlan } from "./commands";
+import { followJob, useConsole } from "./console";
 import { liveBasis } from "./reach";
+import { useSelection } from "./selection";
 
 export interface PlanState {
   job: JobReport | null;
@@ -63,6 +65,17 @@ export function dropPlan(): void {
   stopPlaying();
   set({ job: null, plan: null, failure: null, at_s: 0 });
 }
+
+/** A new leg or place ends a plan of which nothing is under way. */
+useSelection.subscribe((now, before) => {
+  const { plan } = usePlan.getState();
+  if (!plan || (now.leg === before.leg && now.pick === before.pick)) return;
+  const commands = useConsole.getState().stream.live.commands;
+  const records = ofPlan(commands, plan.id, plan.commands.length);
+  const begun = records.some((r) => r !== undefined);
+  const done = records.every((r) => r?.state === "done");
+  if (!begun || done) dropPlan();
+});
 
 export function planDuration(plan: PlanAnswer): number {
   return plan.waypoints.at(-1)?.time_s ?? 0;
