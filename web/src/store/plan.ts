@@ -77,6 +77,20 @@ useSelection.subscribe((now, before) => {
   if (!begun || done) dropPlan();
 });
 
+/** When the step is done the preview stands at its end, beside what was reached. */
+useConsole.subscribe((now, before) => {
+  const { plan } = usePlan.getState();
+  const commands = now.stream.live.commands;
+  if (!plan || plan.commands.length === 0 || commands === before.stream.live.commands) return;
+  const records = ofPlan(commands, plan.id, plan.commands.length);
+  const was = ofPlan(before.stream.live.commands, plan.id, plan.commands.length);
+  const done = (of: typeof records) => of.every((r) => r?.state === "done");
+  if (done(records) && !done(was)) {
+    stopPlaying();
+    set({ at_s: planDuration(plan) });
+  }
+});
+
 export function planDuration(plan: PlanAnswer): number {
   return plan.waypoints.at(-1)?.time_s ?? 0;
 }
