@@ -4,8 +4,8 @@
 //! stood on the ground: the base follows the plane through the ground under the wheels of the
 //! named pose, each wheel is put down where that pose has it, and all is looked at: reach, limits,
 //! collisions, margin rule. A first round takes only ground that is smooth under every wheel and
-//! postures that keep all tolerances; a second round takes whatever stands. The first that does is
-//! the answer, so the same wish gives the same answer.
+//! postures that keep all tolerances; a second round takes rough ground too, and a third whatever
+//! stands without touching. The first that does is the answer, so the same wish gives the same one.
 
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_6, TAU};
@@ -81,11 +81,11 @@ pub enum Misfit {
     /// A wheel is out of reach, or beyond its joints' limits.
     #[error("a leg does not reach the ground under it within its joint limits")]
     Reach,
-    /// Links of the robot overlap, or are nearer than their tolerance (first round).
+    /// Links of the robot overlap, or are nearer than their tolerance (not in the last round).
     #[error("parts of the robot would touch each other")]
     SelfCollision,
-    /// The robot is in the ground or an obstacle beside its wheels' contacts, or too near (first
-    /// round).
+    /// The robot is in the ground or an obstacle beside its wheels' contacts, or too near (not in
+    /// the last round).
     #[error("the robot would touch ground or obstacles beside its contacts")]
     GroundCollision,
     /// The margin rule is not met.
@@ -152,8 +152,8 @@ pub fn settle(
         known: robot.poses().iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", "),
     })?;
     let mut reasons = BTreeMap::new();
-    for choosy in [Care::Choosy, Care::Plain] {
-        let seat = Seat::new(scene, &nominal, options.tilt_max_rad, choosy);
+    for care in [Care::Choosy, Care::Clear, Care::Plain] {
+        let seat = Seat::new(scene, &nominal, options.tilt_max_rad, care);
         reasons = BTreeMap::new();
         for place in spiral(wished, options) {
             for turn in TURNS {
@@ -207,6 +207,8 @@ fn spiral(wished: Point2<f64>, options: &SettleOptions) -> impl Iterator<Item = 
 enum Care {
     /// Smooth ground under every wheel, all tolerances kept.
     Choosy,
+    /// All tolerances kept.
+    Clear,
     /// It stands, reaches, does not touch, and meets the margin rule.
     Plain,
 }
@@ -342,7 +344,7 @@ impl<'a> Seat<'a> {
 
     /// What is wrong with a posture, and the legs that have part in it.
     fn misfit(&self, seen: &Survey) -> Option<(Misfit, Vec<LegId>)> {
-        let counts = |distance: f64| self.care == Care::Choosy || distance <= 0.0;
+        let counts = |distance: f64| self.care != Care::Plain || distance <= 0.0;
         let of = |link| self.robot.body_of(link).map(|(leg, _)| leg);
         let links = seen.links.iter().find(|pair| counts(pair.distance));
         let environment = seen.environment.iter().find(|pair| counts(pair.distance));

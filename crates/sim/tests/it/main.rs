@@ -12,6 +12,7 @@ use terrain::{ElevationMap, Source};
 
 mod events;
 mod motion;
+mod properties;
 mod refusals;
 mod settling;
 mod stops;
