@@ -30,3 +30,4 @@ pub mod link;
 pub mod reader;
 pub mod recorder;
 pub mod replay;
+pub mod sim_adapter;

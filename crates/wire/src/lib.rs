@@ -3,6 +3,12 @@
 //! Units are in the field names (SI, radians); quaternions are `[x, y, z, w]`; times are RFC 3339
 //! UTC with nanoseconds in text and integer nanoseconds in logs. Unknown fields are refused.
 
+//!
+//! Requests are checked by name ([`check`]) before they become values of the domain ([`convert`]).
+
+pub mod analysis;
+pub mod check;
+pub mod convert;
 pub mod live;
 pub mod resources;
 pub mod scene;

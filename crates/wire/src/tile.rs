@@ -69,13 +69,8 @@ impl Header {
         out[6..8].copy_from_slice(&self.planes.to_le_bytes());
         out[8..12].copy_from_slice(&self.size[0].to_le_bytes());
         out[12..16].copy_from_slice(&self.size[1].to_le_bytes());
-        let floats = [
-            self.origin_m[0],
-            self.origin_m[1],
-            self.resolution_m,
-            self.z_min_m,
-            self.z_scale_m,
-        ];
+        let floats =
+            [self.origin_m[0], self.origin_m[1], self.resolution_m, self.z_min_m, self.z_scale_m];
         for (i, value) in floats.iter().enumerate() {
             out[16 + 8 * i..24 + 8 * i].copy_from_slice(&value.to_le_bytes());
         }

@@ -1,0 +1,159 @@
+//! The simulated rover behind the link, in process.
+
+use sim::{Basis, Command, Frame, Mode, Motion, SimRover, Stage};
+use wire::convert;
+use wire::live::{AckStage, CommandBody, Downlink, Executing, RoverMode, RoverTelemetry, Uplink};
+use wire::time::Timestamp;
+
+use crate::adapter::RoverAdapter;
+
+/// Time between telemetry frames (s).
+pub const FRAME_PERIOD_S: f64 = 0.1;
+
+/// After a pause of the whole process longer than this (s) only the frames of its end are sent.
+const CATCH_UP_S: f64 = 30.0;
+
+/// Drives a [`SimRover`] by the time that is handed in, and speaks for it.
+pub struct SimAdapter {
+    rover: SimRover,
+    /// Ground time at which time on board was zero.
+    start: Timestamp,
+    /// Frames due so far; counted, for a sum of tenths drifts.
+    n_frames: u64,
+    said: Vec<(Timestamp, Downlink)>,
+}
+
+impl SimAdapter {
+    /// The rover as it is, its time on board beginning to run at `now`.
+    pub fn new(now: Timestamp, rover: SimRover) -> SimAdapter {
+        let start = now.plus_seconds(-rover.time_s());
+        let n_frames = (rover.time_s() / FRAME_PERIOD_S).ceil() as u64;
+        SimAdapter { rover, start, n_frames, said: Vec::new() }
+    }
+
+    /// Time on board of the next frame (s).
+    fn next_frame_s(&self) -> f64 {
+        self.n_frames as f64 * FRAME_PERIOD_S
+    }
+
+    fn go_to(&mut self, now: Timestamp) {
+        let now_s = now.seconds_since(self.start);
+        if now_s - self.next_frame_s() > CATCH_UP_S {
+            self.n_frames = ((now_s - CATCH_UP_S) / FRAME_PERIOD_S) as u64;
+        }
+        // Times come as whole nanoseconds: a frame due at this very instant is due.
+        while self.next_frame_s() <= now_s + 1e-9 {
+            let due_s = self.next_frame_s();
+            self.run_until(due_s);
+            self.said.push((self.time(due_s), self.telemetry()));
+            self.n_frames += 1;
+        }
+        self.run_until(now_s);
+    }
+
+    fn run_until(&mut self, time_s: f64) {
+        self.rover.advance(time_s - self.rover.time_s());
+        self.hear();
+    }
+
+    /// Takes over what the rover says of its commands.
+    fn hear(&mut self) {
+        for event in self.rover.take_events() {
+            let stage = match event.stage {
+                Stage::Received => AckStage::Received,
+                Stage::Rejected => AckStage::Rejected,
+                Stage::Started => AckStage::Started,
+                Stage::Completed => AckStage::Completed,
+                Stage::Failed => AckStage::Failed,
+                Stage::Aborted => AckStage::Aborted,
+            };
+            let ack = Downlink::Ack { id: event.id, stage, detail: event.detail };
+            self.said.push((self.time(event.time_s), ack));
+        }
+    }
+
+    fn time(&self, time_s: f64) -> Timestamp {
+        self.start.plus_seconds(time_s)
+    }
+
+    fn telemetry(&self) -> Downlink {
+        let robot = self.rover.scene().robot();
+        let frame: Frame = self.rover.frame();
+        let mode = match frame.mode {
+            Mode::Idle => RoverMode::Idle,
+            Mode::Executing => RoverMode::Executing,
+            Mode::Stopped => RoverMode::Stopped,
+            Mode::Fault => RoverMode::Fault,
+        };
+        Downlink::Telemetry(RoverTelemetry {
+            state: convert::rover_state(robot, &frame.configuration),
+            contacts: convert::by_leg(robot, |leg| frame.contacts[leg.0]),
+            contact_points_m: convert::by_leg(robot, |leg| {
+                convert::point(&frame.contact_points[leg.0])
+            }),
+            wheel_forces_n: convert::by_leg(robot, |leg| frame.wheel_forces[leg.0].into()),
+            joint_torques_nm: convert::by_leg(robot, |leg| {
+                frame.joint_torques[leg.0].iter().copied().collect()
+            }),
+            mode,
+            executing: frame
+                .executing
+                .map(|e| Executing { command_id: e.id, progress: e.progress }),
+            fault: frame.fault,
+        })
+    }
+
+    fn refuse(&mut self, id: String, detail: String) {
+        let now = self.time(self.rover.time_s());
+        let (stage, detail) = (AckStage::Rejected, Some(detail));
+        self.said.push((now, Downlink::Ack { id, stage, detail }));
+    }
+}
+
+impl RoverAdapter for SimAdapter {
+    fn uplink(&mut self, now: Timestamp, message: Uplink) {
+        self.go_to(now);
+        match message {
+            Uplink::Estop { id } => self.rover.estop(&id),
+            Uplink::EstopRelease { id } => self.rover.release(&id),
+            Uplink::Command { id, body, basis_joints_rad, basis_tolerance_rad } => {
+                let legs = basis_joints_rad
+                    .iter()
+                    .map(|(leg, joints)| Some((leg.clone(), angles(joints)?)))
+                    .collect::<Option<Vec<_>>>();
+                match (motion(&body), legs) {
+                    (Some(motion), Some(legs)) => {
+                        let basis = Basis { legs, tolerance: basis_tolerance_rad };
+                        let basis = (!basis.legs.is_empty()).then_some(basis);
+                        self.rover.command(Command { id, motion, basis });
+                    }
+                    _ => self.refuse(id, "a leg has six joint angles".into()),
+                }
+            }
+        }
+        self.hear();
+    }
+
+    fn advance(&mut self, now: Timestamp) -> Vec<(Timestamp, Downlink)> {
+        self.go_to(now);
+        std::mem::take(&mut self.said)
+    }
+}
+
+fn angles(joints: &[f64]) -> Option<rover::LegAngles> {
+    <[f64; 6]>::try_from(joints).ok().map(rover::LegAngles::from)
+}
+
+/// The motion that a command's body asks for; `None` if a knot has not six angles.
+fn motion(body: &CommandBody) -> Option<Motion> {
+    Some(match body {
+        CommandBody::JointPath { leg, knots } => Motion::JointPath {
+            leg: leg.clone(),
+            knots: knots.iter().map(|k| angles(&k.joints_rad)).collect::<Option<_>>()?,
+        },
+        CommandBody::WheelLine { leg, position_m } => {
+            Motion::WheelLine { leg: leg.clone(), center: (*position_m).into() }
+        }
+        CommandBody::Stop {} => Motion::Stop,
+    })
+}

@@ -1,0 +1,283 @@
+//! One planned step.
+
+use motion::{
+    Finding, Outcome, Phase, Planner as Search, Stage, StepAnswer, StepRequest, Stopped, Target,
+    Watch, Waypoint, plan_step,
+};
+use nalgebra::Point3;
+use rover::{Configuration, LegId, Robot};
+use tokio::time::Instant;
+use wire::analysis::{
+    PlanAnswer, PlanBasis, PlanCommand, PlanFinding, PlanMargin, PlanPhase, PlanRequest,
+    PlanStatistics, PlanWaypoint, Planner,
+};
+use wire::check::{self, At, RequestError};
+use wire::convert;
+use wire::live::{CommandBody, Footfall, JointKnot};
+
+use super::reachability::{LIFT_M, LIFT_RANGE_M, preference};
+use crate::live::hash_text;
+use crate::scene::{Context, Scene};
+use crate::stop::{Cause, Stop};
+use crate::terrain_store::version_name;
+
+/// Told how far a plan is (0 to 1) and what it is doing.
+pub type OnProgress<'a> = &'a dyn Fn(f64, &str);
+
+/// A plan, and the state that it starts from.
+pub struct Planned {
+    /// The answer.
+    pub answer: PlanAnswer,
+    /// Where the rover was.
+    pub start: Configuration,
+}
+
+/// Plans one step.
+pub fn plan(
+    context: &Context,
+    request: &PlanRequest,
+    stop: &Stop,
+    progress: OnProgress<'_>,
+) -> Result<Planned, RequestError> {
+    let scene = context.scene(&At::root("scene"), &request.scene)?;
+    let step = step_request(&scene, request)?;
+    let mut clock = StageClock::new(stop, progress);
+    let solid = &scene.solid;
+    let found = plan_step(solid, &scene.configuration, scene.gravity, &step, &mut clock);
+    let times_ms = clock.times_ms();
+    let answer = answer(&scene, request, &found, times_ms);
+    Ok(Planned { answer, start: scene.configuration })
+}
+
+/// The request in the domain's terms, checked.
+fn step_request(scene: &Scene, request: &PlanRequest) -> Result<StepRequest, RequestError> {
+    let robot = scene.robot();
+    let leg = convert::leg(&At::root("leg"), robot, &request.leg)?;
+    let at = At::root("target");
+    let target = match (request.target.position_m, &request.target.joints_rad) {
+        (Some(p), None) => {
+            Target::Ground(Point3::from(check::position(&at.field("position_m"), p)?))
+        }
+        (None, Some(joints)) => {
+            Target::Angles(convert::leg_angles(&at.field("joints_rad"), joints)?)
+        }
+        _ => {
+            let text = "takes exactly one of position_m and joints_rad";
+            return Err(RequestError::at("target_ambiguous", &at, text));
+        }
+    };
+    let mut step = StepRequest::new(leg, target, robot.scale());
+    step.planner = match request.planner {
+        Planner::Auto => Search::Auto,
+        Planner::Sbl => Search::Sbl,
+        Planner::Line => Search::Line,
+        Planner::Astar => {
+            let text = "is \"astar\", which this version does not do; take \"auto\", \"sbl\" or \
+                        \"line\"";
+            return Err(RequestError::at("not_supported", &At::root("planner"), text));
+        }
+    };
+    let lift_m = request.lift_m.unwrap_or(LIFT_M * robot.scale());
+    step.lift = check::within(&At::root("lift_m"), lift_m, LIFT_RANGE_M, " m")?;
+    step.preference = preference(&At::root("stability"), request.stability)?;
+    let at = At::root("tolerances");
+    let tolerance = |name: &str, value: Option<f64>| {
+        value.map(|v| check::within(&at.field(name), v, [0.0, 1.0], " m")).transpose()
+    };
+    step.environment_tolerance = tolerance("environment_m", request.tolerances.environment_m)?;
+    step.pair_tolerance = tolerance("pairs_m", request.tolerances.pairs_m)?;
+    if request.transit_only && request.target.joints_rad.is_none() {
+        let text = "goes from joint angles to joint angles: give target.joints_rad";
+        return Err(RequestError::at("target_ambiguous", &At::root("transit_only"), text));
+    }
+    step.transit_only = request.transit_only;
+    step.seed = request.seed;
+    if let Some(budget) = request.budget {
+        let budget = check::within(&At::root("budget"), budget as f64, [2.0, 1e6], "")?;
+        step.sbl.max_milestones = budget as usize;
+    }
+    let at = At::root("smoothing");
+    let smoothing = &request.smoothing;
+    if let Some(share) = smoothing.stop_reduction {
+        step.smooth.stop_reduction =
+            check::within(&at.field("stop_reduction"), share, [0.0, 1.0], "")?;
+    }
+    if let Some(rounds) = smoothing.max_rounds {
+        let rounds = check::within(&at.field("max_rounds"), rounds.into(), [0.0, 1000.0], "")?;
+        step.smooth.max_rounds = rounds as usize;
+    }
+    if let Some(edges) = smoothing.max_edges {
+        let edges = check::within(&at.field("max_edges"), edges.into(), [0.0, 1e6], "")?;
+        step.smooth.max_edges = edges as usize;
+    }
+    Ok(step)
+}
+
+fn answer(
+    scene: &Scene,
+    request: &PlanRequest,
+    found: &StepAnswer,
+    [footfall_ms, search_ms, smoothing_ms, check_ms]: [f64; 4],
+) -> PlanAnswer {
+    let robot = scene.robot();
+    let leg = robot.leg_id(&request.leg).unwrap_or(LegId(0));
+    let map = scene.solid.map();
+    // The height asked for does not count: the wheel stands on the ground.
+    let target_m = request
+        .target
+        .position_m
+        .map(|[x, y, z]| [x, y, map.height_at(nalgebra::Point2::new(x, y)).unwrap_or(z)]);
+    let statistics = &found.statistics;
+    let commands = match found.outcome {
+        Outcome::Found if !request.transit_only => commands(robot, leg, &found.waypoints),
+        _ => Vec::new(),
+    };
+    PlanAnswer {
+        id: None,
+        outcome: found.outcome.word().into(),
+        reason: (!found.reason.is_empty()).then(|| found.reason.clone()),
+        leg: request.leg.clone(),
+        target_m,
+        waypoints: found.waypoints.iter().map(waypoint).collect(),
+        commands,
+        findings: found.findings.iter().map(finding).collect(),
+        statistics: PlanStatistics {
+            search_ms: footfall_ms + search_ms,
+            smoothing_ms,
+            check_ms,
+            configurations_checked: statistics.n_checked,
+            milestones: statistics.n_milestones as u64,
+            touchdowns: statistics.n_touchdowns as u64,
+            first_path_rad: statistics.first_path,
+            length_rad: statistics.length,
+            straight_rad: statistics.straight,
+        },
+        basis: PlanBasis {
+            state_hash: state_hash(&scene.configuration),
+            terrain_version: version_name(map),
+            model_hash: hash_text(robot.hash()),
+            seed: request.seed,
+            version: env!("CARGO_PKG_VERSION").into(),
+        },
+        footfall: found.footfall.as_ref().map(|footfall| Footfall {
+            ground_m: convert::point(&footfall.contact),
+            normal: [footfall.normal.x, footfall.normal.y, footfall.normal.z],
+            wheel: convert::pose(&footfall.world_from_wheel),
+        }),
+        margins: found
+            .margins
+            .iter()
+            .map(|(time_s, margin_m)| PlanMargin { time_s: *time_s, margin_m: *margin_m })
+            .collect(),
+    }
+}
+
+fn phase(phase: Phase) -> PlanPhase {
+    match phase {
+        Phase::Lift => PlanPhase::Lift,
+        Phase::Transit => PlanPhase::Transit,
+        Phase::Drop => PlanPhase::Drop,
+    }
+}
+
+fn waypoint(waypoint: &Waypoint) -> PlanWaypoint {
+    PlanWaypoint {
+        joints_rad: waypoint.angles.iter().copied().collect(),
+        phase: phase(waypoint.phase),
+        time_s: waypoint.time,
+    }
+}
+
+fn finding(finding: &Finding) -> PlanFinding {
+    let text = |text: &str| (!text.is_empty()).then(|| text.to_owned());
+    PlanFinding {
+        check: finding.check.into(),
+        ok: finding.ok,
+        margin: finding.margin.filter(|margin| margin.is_finite()),
+        r#where: text(&finding.place),
+        detail: text(&finding.detail),
+    }
+}
+
+/// One command for each phase, each beginning where the one before ends.
+fn commands(robot: &Robot, leg: LegId, waypoints: &[Waypoint]) -> Vec<PlanCommand> {
+    let name = &robot.leg(leg).name;
+    [Phase::Lift, Phase::Transit, Phase::Drop]
+        .into_iter()
+        .filter_map(|part| {
+            let first = waypoints.iter().skip(1).position(|w| w.phase == part)? + 1;
+            let last = waypoints.iter().rposition(|w| w.phase == part)?;
+            let start_s = waypoints[first - 1].time;
+            let knots = waypoints[first - 1..=last].iter().map(|w| JointKnot {
+                joints_rad: w.angles.iter().copied().collect(),
+                time_s: w.time - start_s,
+            });
+            let title = match part {
+                Phase::Lift => format!("Lift {name}"),
+                Phase::Transit => format!("Move {name} over the footfall"),
+                Phase::Drop => format!("Put {name} down"),
+            };
+            let body = CommandBody::JointPath { leg: name.clone(), knots: knots.collect() };
+            let duration_s = waypoints[last].time - start_s;
+            Some(PlanCommand { title, phase: phase(part), body, duration_s })
+        })
+        .collect()
+}
+
+/// Hash of a state: FNV-1a over the bits of its numbers.
+pub fn state_hash(configuration: &Configuration) -> String {
+    let base = configuration.world_from_base;
+    let numbers = base.translation.vector.iter().chain(base.rotation.coords.iter());
+    let numbers = numbers.chain(configuration.legs.iter().flat_map(|leg| leg.iter()));
+    let hash = numbers.fold(0xcbf2_9ce4_8422_2325_u64, |hash, number| {
+        (hash ^ (number + 0.0).to_bits()).wrapping_mul(0x0000_0100_0000_01b3)
+    });
+    hash_text(hash)
+}
+
+/// Stops the planner, tells what it does, and takes the time of each stage.
+struct StageClock<'a> {
+    stop: &'a Stop,
+    progress: OnProgress<'a>,
+    stage: Stage,
+    since: Instant,
+    spent_ms: [f64; 4],
+}
+
+impl<'a> StageClock<'a> {
+    fn new(stop: &'a Stop, progress: OnProgress<'a>) -> StageClock<'a> {
+        let stage = Stage::Footfall;
+        StageClock { stop, progress, stage, since: Instant::now(), spent_ms: [0.0; 4] }
+    }
+
+    fn times_ms(mut self) -> [f64; 4] {
+        self.close();
+        self.spent_ms
+    }
+
+    fn close(&mut self) {
+        self.spent_ms[self.stage as usize] += 1e3 * self.since.elapsed().as_secs_f64();
+        self.since = Instant::now();
+    }
+}
+
+impl Watch for StageClock<'_> {
+    fn stopped(&mut self) -> Option<Stopped> {
+        self.stop.cause().map(|cause| match cause {
+            Cause::Deadline => Stopped::Deadline,
+            Cause::Cancelled => Stopped::Cancelled,
+        })
+    }
+
+    fn entered(&mut self, stage: Stage) {
+        self.close();
+        self.stage = stage;
+        let (share, doing) = match stage {
+            Stage::Footfall => (0.05, "looks for ways to put the wheel down"),
+            Stage::Search => (0.1, "searches a path"),
+            Stage::Smoothing => (0.6, "shortens the path"),
+            Stage::Check => (0.8, "checks the whole step again"),
+        };
+        (self.progress)(share, doing);
+    }
+}

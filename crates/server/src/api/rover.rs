@@ -1,0 +1,131 @@
+//! The live rover, its link, its stream and its model.
+
+use axum::Json;
+use axum::extract::State;
+use axum::extract::ws::WebSocketUpgrade;
+use axum::extract::ws::rejection::WebSocketUpgradeRejection;
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+use wire::check::At;
+use wire::live::{LinkConfig, LinkReport};
+use wire::resources::{ErrorBody, EstopAnswer, EstopReleaseRequest, RoverAnswer};
+
+use crate::app::AppState;
+use crate::body::{Body, Operator, OptionalBody, Path};
+use crate::error::ApiError;
+use crate::stream;
+
+pub fn routes() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new()
+        .routes(routes!(rover))
+        .routes(routes!(link, put_link))
+        .routes(routes!(estop))
+        .routes(routes!(estop_release))
+        .routes(routes!(urdf))
+}
+
+pub fn stream_routes() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new().routes(routes!(stream))
+}
+
+/// The live rover: its model, its latest state with its age, its stability, its link.
+#[utoipa::path(get, path = "/rover", tag = "rover", responses((status = 200, body = RoverAnswer)))]
+async fn rover(State(app): State<AppState>) -> Json<RoverAnswer> {
+    Json(app.live.answer(app.store.current().info.version.clone()))
+}
+
+/// The link: delays and counters.
+#[utoipa::path(get, path = "/link", tag = "rover", responses((status = 200, body = LinkReport)))]
+async fn link(State(app): State<AppState>) -> Json<LinkReport> {
+    Json(app.live.locked().0.link())
+}
+
+/// Changes the delays of what is sent from now on.
+#[utoipa::path(
+    put, path = "/link", tag = "rover", request_body = LinkConfig,
+    responses((status = 200, body = LinkReport), (status = 422, body = ErrorBody))
+)]
+async fn put_link(
+    State(app): State<AppState>,
+    Operator(who): Operator,
+    Body(link): Body<LinkConfig>,
+) -> Result<Json<LinkReport>, ApiError> {
+    let (mut ground, now) = app.live.locked();
+    Ok(Json(ground.set_link(now, &who, link)?))
+}
+
+/// Stops the rover. Always taken; passes everything that is under way to the rover.
+#[utoipa::path(post, path = "/estop", tag = "rover", responses((status = 200, body = EstopAnswer)))]
+async fn estop(
+    State(app): State<AppState>,
+    operator: Result<Operator, ApiError>,
+) -> Json<EstopAnswer> {
+    // A bad header must not stand between an operator and the E-stop.
+    let who = operator.map_or_else(|_| "operator".into(), |operator| operator.0);
+    let (mut ground, now) = app.live.locked();
+    Json(ground.estop(now, &who))
+}
+
+/// Releases an E-stop in two steps: first without a token, then with the one of the answer.
+#[utoipa::path(
+    post, path = "/estop/release", tag = "rover", request_body = EstopReleaseRequest,
+    responses((status = 200, body = EstopAnswer), (status = 409, body = ErrorBody))
+)]
+async fn estop_release(
+    State(app): State<AppState>,
+    Operator(who): Operator,
+    OptionalBody(request): OptionalBody<EstopReleaseRequest>,
+) -> Result<Json<EstopAnswer>, ApiError> {
+    let (mut ground, now) = app.live.locked();
+    Ok(Json(ground.estop_release(now, &who, request.token.as_deref())?))
+}
+
+/// The URDF of a robot, at the scale of its folder.
+#[utoipa::path(
+    get, path = "/robots/{name}/urdf", tag = "rover",
+    params(("name" = String, Path, description = "Name of the robot's folder")),
+    responses(
+        (status = 200, body = String, content_type = "application/xml"),
+        (status = 422, body = ErrorBody)
+    )
+)]
+async fn urdf(
+    State(app): State<AppState>,
+    Path(name): Path<String>,
+) -> Result<impl IntoResponse, ApiError> {
+    let robots = app.robots.clone();
+    let urdf = tokio::task::spawn_blocking(move || robots.urdf(&At::root("name"), &name))
+        .await
+        .map_err(|error| ApiError::internal("reading the robot", error))??;
+    Ok(([(header::CONTENT_TYPE, "application/xml; charset=utf-8")], urdf))
+}
+
+/// The channels of the live rover and of replays, as a WebSocket: it takes `StreamRequest` and
+/// gives `StreamFrame`.
+#[utoipa::path(
+    get, path = "/stream", tag = "rover",
+    responses(
+        (status = 101, description = "WebSocket"),
+        (status = 429, body = ErrorBody)
+    )
+)]
+async fn stream(
+    State(app): State<AppState>,
+    upgrade: Result<WebSocketUpgrade, WebSocketUpgradeRejection>,
+) -> Result<Response, ApiError> {
+    let upgrade = upgrade.map_err(|error| {
+        ApiError::new("query_invalid", format!("this route is a WebSocket: {}", error.body_text()))
+    })?;
+    let place = app.listeners.clone().try_acquire_owned().map_err(|_| {
+        ApiError::new("busy", "as many listeners as are taken hear the stream already")
+    })?;
+    Ok(upgrade
+        .max_message_size(stream::REQUEST_BYTES_MAX)
+        .max_frame_size(stream::REQUEST_BYTES_MAX)
+        .on_upgrade(move |socket| async move {
+            stream::serve(socket, app).await;
+            drop(place);
+        }))
+}

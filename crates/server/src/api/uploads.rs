@@ -1,0 +1,109 @@
+//! Uploads of terrain files, and downloads of logs: long, and not held to the time of an answer.
+
+use axum::Json;
+use axum::body::Body;
+use axum::extract::{Request, State};
+use axum::http::{HeaderValue, header};
+use axum::response::{IntoResponse, Response};
+use bridge::catalog;
+use http_body_util::BodyExt;
+use tokio::io::AsyncWriteExt;
+use tower::ServiceExt;
+use tower_http::services::ServeFile;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+use wire::resources::{ErrorBody, TerrainFile};
+
+use crate::app::AppState;
+use crate::body::Path;
+use crate::error::ApiError;
+use crate::terrains::FILE_BYTES_MAX;
+
+pub fn routes() -> OpenApiRouter<AppState> {
+    OpenApiRouter::new().routes(routes!(put_file)).routes(routes!(download))
+}
+
+/// Removes a file that was not finished.
+struct Unfinished(Option<std::path::PathBuf>);
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        if let Some(path) = self.0.take() {
+            // What cannot be removed is a hidden file that nothing lists.
+            let _ = std::fs::remove_file(path);
+        }
+    }
+}
+
+/// Puts a file into the terrain folder, in place of one of the same name. GeoTIFF (`.tif`,
+/// `.tiff`) and `.off` can be imported then.
+#[utoipa::path(
+    put, path = "/terrain/files/{name}", tag = "terrain",
+    params(("name" = String, Path, description = "1 to 64 of A-Z a-z 0-9 . _ -, ending in .tif, .tiff or .off")),
+    request_body(content = Vec<u8>, content_type = "application/octet-stream"),
+    responses(
+        (status = 200, body = TerrainFile),
+        (status = 413, body = ErrorBody), (status = 422, body = ErrorBody)
+    )
+)]
+async fn put_file(
+    State(app): State<AppState>,
+    Path(name): Path<String>,
+    body: Body,
+) -> Result<Json<TerrainFile>, ApiError> {
+    let path = app.terrain_file(&name)?;
+    let ending = name.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase());
+    if !matches!(ending.as_deref(), Some("tif" | "tiff" | "off")) {
+        let message = "a terrain file ends in .tif, .tiff or .off";
+        return Err(ApiError::new("file_name_invalid", message));
+    }
+    let storage = |error: std::io::Error| ApiError::internal("writing the file", error);
+    let folder = &app.config.server.terrain_dir;
+    tokio::fs::create_dir_all(folder).await.map_err(storage)?;
+    let temporary = folder.join(format!(".upload-{}", uuid::Uuid::now_v7()));
+    let mut file = tokio::fs::File::create_new(&temporary).await.map_err(storage)?;
+    let mut unfinished = Unfinished(Some(temporary.clone()));
+    let mut size = 0_u64;
+    let mut body = body;
+    while let Some(frame) = body.frame().await {
+        let cut = |_| ApiError::new("query_invalid", "the upload ended before it was complete");
+        let Ok(data) = frame.map_err(cut)?.into_data() else { continue };
+        size += data.len() as u64;
+        if size > FILE_BYTES_MAX {
+            let message = format!("a terrain file has at most {FILE_BYTES_MAX} bytes; crop it");
+            return Err(ApiError::new("file_too_large", message));
+        }
+        file.write_all(&data).await.map_err(storage)?;
+    }
+    file.sync_all().await.map_err(storage)?;
+    drop(file);
+    tokio::fs::rename(&temporary, &path).await.map_err(storage)?;
+    unfinished.0 = None;
+    Ok(Json(TerrainFile { name, size }))
+}
+
+/// A flight log as an MCAP file; the one being written as far as it is safe on the disk.
+#[utoipa::path(
+    get, path = "/logs/{id}/download", tag = "logs",
+    params(("id" = String, Path, description = "The log")),
+    responses(
+        (status = 200, body = Vec<u8>, content_type = "application/x-mcap"),
+        (status = 404, body = ErrorBody)
+    )
+)]
+async fn download(
+    State(app): State<AppState>,
+    Path(id): Path<String>,
+    request: Request,
+) -> Result<Response, ApiError> {
+    let path = catalog::log_path(&app.config.server.logs_dir, &id)?;
+    let served = ServeFile::new(path).oneshot(request).await;
+    let mut response =
+        served.map_err(|error| ApiError::internal("the log", error))?.into_response();
+    let headers = response.headers_mut();
+    headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/x-mcap"));
+    if let Ok(name) = HeaderValue::from_str(&format!("attachment; filename=\"{id}.mcap\"")) {
+        headers.insert(header::CONTENT_DISPOSITION, name);
+    }
+    Ok(response)
+}

@@ -1,0 +1,182 @@
+//! `footfall serve`.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use bridge::clock::SystemClock;
+use clap::Args;
+use tracing_subscriber::EnvFilter;
+use wire::check::{self, At, RequestError};
+
+use super::{Common, Failure, Output, Verdict};
+use crate::config::Config;
+use crate::serve::{self, Mission, Server, StartError};
+use crate::terrains::FileRoot;
+
+/// What to serve, and where.
+#[derive(Debug, Args)]
+pub(super) struct ServeArgs {
+    /// The demo mission: the simulated rover on synthetic ground. It is the mission as long as no
+    /// --config names another.
+    #[arg(long, conflicts_with = "config")]
+    demo: bool,
+    /// Start on this terrain file (GeoTIFF or .off) instead of the configured ground.
+    #[arg(long, value_name = "FILE")]
+    terrain: Option<PathBuf>,
+    /// Take only a square of this side (m) from the middle of the terrain file.
+    #[arg(long, value_name = "M")]
+    crop_m: Option<f64>,
+    /// Middle of the square taken: x,y from the file's lower left corner (m).
+    #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 1)]
+    crop_center_m: Vec<f64>,
+    /// Add generated foot-scale detail of this resolution (m) to the terrain file; the map is then
+    /// marked as synthetic.
+    #[arg(long, value_name = "M")]
+    detail_m: Option<f64>,
+    /// Seed of synthetic ground and of added detail.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Where the rover is to stand: x,y (m); the middle of a terrain file where absent.
+    #[arg(
+        long,
+        value_name = "X,Y",
+        value_delimiter = ',',
+        num_args = 1,
+        allow_hyphen_values = true
+    )]
+    place_m: Vec<f64>,
+    /// Factor on every length of the robot.
+    #[arg(long)]
+    scale: Option<f64>,
+    /// Port to listen on; 0 takes any free one.
+    #[arg(long)]
+    port: Option<u16>,
+    /// Address to listen on: loopback only, until there are accounts.
+    #[arg(long)]
+    bind: Option<String>,
+    /// Folder of the flight logs.
+    #[arg(long, value_name = "DIR")]
+    logs: Option<PathBuf>,
+    /// Folder of the terrain files that may be imported.
+    #[arg(long, value_name = "DIR")]
+    terrains: Option<PathBuf>,
+    #[command(flatten)]
+    common: Common,
+}
+
+impl From<StartError> for Failure {
+    fn from(error: StartError) -> Failure {
+        let message = error.to_string();
+        match error {
+            StartError::Mission(error) => {
+                let RequestError { code, field, .. } = error;
+                RequestError { code, field, message }.into()
+            }
+            StartError::NotLoopback { .. } => RequestError::new("bind_refused", message).into(),
+            StartError::PortInUse { .. } => RequestError::new("port_in_use", message).into(),
+            StartError::Listen { .. } => RequestError::new("listen", message).into(),
+            StartError::Log { .. } => RequestError::new("log_unavailable", message).into(),
+        }
+    }
+}
+
+/// The configured mission with the changes of the command line.
+fn mission(args: &ServeArgs) -> Result<Mission, Failure> {
+    let Mission { mut config, mut root, mut place_m } =
+        Mission::of(super::analyze::config(&args.common)?);
+    let pair = |name: &str, values: &[f64]| match *values {
+        [] => Ok(None),
+        [x, y] if x.is_finite() && y.is_finite() => Ok(Some([x, y])),
+        _ => {
+            let message = format!("{name} takes two numbers with a comma: {name} 10,20");
+            Err(Failure::Input(RequestError::new("out_of_range", message)))
+        }
+    };
+    if let Some(path) = &args.terrain {
+        let file = path.file_name().map(|name| name.to_string_lossy().into_owned());
+        config.terrain.file = file.unwrap_or_default();
+        // A file given by hand is taken as it is, and the rover stands in its middle.
+        config.terrain.crop_width_m = 0.0;
+        config.terrain.detail_resolution_m = 0.0;
+        root = FileRoot::Relative(path.parent().map(Path::to_owned).unwrap_or_default());
+        place_m = None;
+    }
+    let on_file = !config.terrain.file.is_empty();
+    if !on_file && (args.crop_m.is_some() || args.detail_m.is_some()) {
+        let message = "--crop-m and --detail-m go with --terrain FILE";
+        return Err(RequestError::new("terrain_ambiguous", message).into());
+    }
+    config.terrain.crop_width_m = args.crop_m.unwrap_or(config.terrain.crop_width_m);
+    if let Some([x, y]) = pair("--crop-center-m", &args.crop_center_m)? {
+        (config.terrain.crop_x_m, config.terrain.crop_y_m) = (x, y);
+    }
+    config.terrain.detail_resolution_m =
+        args.detail_m.unwrap_or(config.terrain.detail_resolution_m);
+    config.terrain.seed = args.seed.unwrap_or(config.terrain.seed);
+    place_m = pair("--place-m", &args.place_m)?.or(place_m);
+    if let Some(scale) = args.scale {
+        rescale(&mut config, scale)?;
+    }
+    config.server.port = args.port.unwrap_or(config.server.port);
+    config.server.bind = args.bind.clone().unwrap_or(config.server.bind);
+    config.server.logs_dir = args.logs.clone().unwrap_or(config.server.logs_dir);
+    config.server.terrain_dir = args.terrains.clone().unwrap_or(config.server.terrain_dir);
+    if let Some(robots) = args.common.robots.first() {
+        config.server.robots_dir = robots.clone();
+    }
+    Ok(Mission { config, root, place_m })
+}
+
+/// The configured rover at another scale, its payload's lengths with it: masses stay, as those of
+/// the robot do.
+fn rescale(config: &mut Config, scale: f64) -> Result<(), Failure> {
+    check::within(&At::root("--scale"), scale, [0.001, 1000.0], "")?;
+    let rover = &mut config.rover;
+    let factor = scale / rover.scale;
+    rover.scale = scale;
+    for length in [
+        &mut rover.payload_x_m,
+        &mut rover.payload_y_m,
+        &mut rover.payload_z_m,
+        &mut rover.payload_box_x_m,
+        &mut rover.payload_box_y_m,
+        &mut rover.payload_box_z_m,
+    ] {
+        *length *= factor;
+    }
+    Ok(())
+}
+
+pub(super) fn serve(args: &ServeArgs, output: Output) -> Result<Verdict, Failure> {
+    let mission = mission(args)?;
+    let address = serve::address(&mission.config)?;
+    let filter = if output.quiet { "error" } else { "info,tower_http=warn" };
+    let filter = EnvFilter::try_from_env("FOOTFALL_LOG").unwrap_or_else(|_| filter.into());
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    let runtime = tokio::runtime::Runtime::new().map_err(|error| {
+        Failure::Fault(format!("the program cannot start its threads: {error}"))
+    })?;
+    runtime.block_on(async {
+        // The port first: it is what most often fails, and the log begins only with it.
+        let listener = serve::listen(address).await?;
+        let address = listener
+            .local_addr()
+            .map_err(|error| Failure::Fault(format!("the address is unknown: {error}")))?;
+        let clock = Arc::new(SystemClock::new());
+        let server = tokio::task::spawn_blocking({
+            let handle = tokio::runtime::Handle::current();
+            move || {
+                let _runtime = handle.enter();
+                Server::start(mission, clock)
+            }
+        })
+        .await
+        .map_err(|error| Failure::Fault(format!("the server did not start: {error}")))??;
+        output.say(&format!("FootFall is at http://{address}/ (stop it with Ctrl-C)"));
+        server.run(listener, serve::asked_to_end()).await;
+        Ok::<_, Failure>(())
+    })?;
+    // Work that was told to stop may still be on its way out; it holds nothing up.
+    runtime.shutdown_background();
+    Ok(Verdict::Done)
+}

@@ -1,0 +1,194 @@
+//! The configuration: `config/demo.toml` is both its documentation and its defaults.
+
+mod keys;
+
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+use terrain::traversability::Limits;
+use wire::live::LinkConfig;
+use wire::scene::{Payload, PayloadShape};
+
+pub use keys::{KEYS, Key, Range};
+
+/// The text of `config/demo.toml`, which holds the default of every key.
+pub const DEMO: &str = include_str!("../../../config/demo.toml");
+
+/// Why a configuration was refused.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("the configuration {path} cannot be read: {reason}")]
+    Unreadable {
+        /// The file.
+        path: String,
+        /// Why.
+        reason: String,
+    },
+    /// Not TOML, an unknown key, or a value of another type.
+    #[error("the configuration is not usable: {0}")]
+    Toml(String),
+    /// A value out of range.
+    #[error("the configuration has {key} = {value}, but it takes {allowed}")]
+    OutOfRange {
+        /// The key.
+        key: &'static str,
+        /// The value.
+        value: String,
+        /// What is allowed.
+        allowed: String,
+    },
+}
+
+/// All settings of the ground server. See `config/demo.toml` for what each is.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)] // documented in config/demo.toml, held by a test
+pub struct Config {
+    pub server: ServerConfig,
+    pub rover: RoverConfig,
+    pub terrain: TerrainConfig,
+    pub link: LinkConfig,
+    pub traversability: TraversabilityConfig,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct ServerConfig {
+    pub bind: String,
+    pub port: u16,
+    pub terrain_dir: PathBuf,
+    pub robots_dir: PathBuf,
+    pub logs_dir: PathBuf,
+    pub analyses_max: usize,
+    pub analyses_waiting_max: usize,
+    pub listeners_max: usize,
+    pub jobs_max: usize,
+    pub replays_max: usize,
+    pub terrain_versions_max: usize,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct RoverConfig {
+    pub robot: String,
+    pub scale: f64,
+    pub gravity_m_s2: f64,
+    pub pose: String,
+    pub place_x_m: f64,
+    pub place_y_m: f64,
+    pub heading_rad: f64,
+    pub payload_link: String,
+    pub payload_mass_kg: f64,
+    pub payload_x_m: f64,
+    pub payload_y_m: f64,
+    pub payload_z_m: f64,
+    pub payload_box_x_m: f64,
+    pub payload_box_y_m: f64,
+    pub payload_box_z_m: f64,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct TerrainConfig {
+    pub file: String,
+    pub crop_x_m: f64,
+    pub crop_y_m: f64,
+    pub crop_width_m: f64,
+    pub detail_resolution_m: f64,
+    pub recipe: String,
+    pub width_m: f64,
+    pub resolution_m: f64,
+    pub seed: u64,
+    pub flat_center_m: f64,
+    pub friction: f64,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct TraversabilityConfig {
+    pub footprint_m: f64,
+    pub slope_lo_rad: f64,
+    pub slope_hi_rad: f64,
+    pub roughness_lo_m: f64,
+    pub roughness_hi_m: f64,
+    pub step_lo_m: f64,
+    pub step_hi_m: f64,
+    pub known_share_min: f64,
+    pub quadrant_known_min: f64,
+    pub unsafe_below: f64,
+    pub caution_below: f64,
+    pub certainty_caution_below: f64,
+}
+
+impl Config {
+    /// The demo mission.
+    pub fn demo() -> Config {
+        Config::parse("").expect("config/demo.toml is usable, as a test holds")
+    }
+
+    /// Reads a file.
+    pub fn load(path: &Path) -> Result<Config, ConfigError> {
+        let text = std::fs::read_to_string(path).map_err(|e| ConfigError::Unreadable {
+            path: path.display().to_string(),
+            reason: e.to_string(),
+        })?;
+        Config::parse(&text)
+    }
+
+    /// Reads TOML; what it leaves out is as in the demo.
+    pub fn parse(text: &str) -> Result<Config, ConfigError> {
+        let toml_error = |e: toml::de::Error| ConfigError::Toml(e.to_string().trim_end().into());
+        let mut table: toml::Table = DEMO.parse().map_err(toml_error)?;
+        let changes: toml::Table = text.parse().map_err(toml_error)?;
+        for (section, values) in changes {
+            match (table.get_mut(&section), values) {
+                (Some(toml::Value::Table(base)), toml::Value::Table(values)) => base.extend(values),
+                (_, values) => {
+                    table.insert(section, values);
+                }
+            }
+        }
+        keys::check(&table)?;
+        Config::deserialize(toml::Value::Table(table)).map_err(toml_error)
+    }
+}
+
+impl RoverConfig {
+    /// The payloads that the rover carries.
+    pub fn payloads(&self) -> Vec<Payload> {
+        if self.payload_link.is_empty() {
+            return Vec::new();
+        }
+        let box_m = [self.payload_box_x_m, self.payload_box_y_m, self.payload_box_z_m];
+        vec![Payload {
+            link: self.payload_link.clone(),
+            mass_kg: self.payload_mass_kg,
+            com_m: [self.payload_x_m, self.payload_y_m, self.payload_z_m],
+            shape: box_m.iter().all(|edge| *edge > 0.0).then_some(PayloadShape { box_m }),
+        }]
+    }
+}
+
+impl TraversabilityConfig {
+    /// The thresholds.
+    pub fn limits(&self) -> Limits {
+        Limits {
+            slope_lo_rad: self.slope_lo_rad,
+            slope_hi_rad: self.slope_hi_rad,
+            roughness_lo_m: self.roughness_lo_m,
+            roughness_hi_m: self.roughness_hi_m,
+            step_lo_m: self.step_lo_m,
+            step_hi_m: self.step_hi_m,
+            known_share_min: self.known_share_min,
+            quadrant_known_min: self.quadrant_known_min,
+            unsafe_below: self.unsafe_below,
+            caution_below: self.caution_below,
+            certainty_caution_below: self.certainty_caution_below,
+        }
+    }
+}

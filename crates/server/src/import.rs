@@ -1,0 +1,97 @@
+//! A new map for the live rover, as a job.
+
+use bridge::sim_adapter::SimAdapter;
+use wire::live::{EventLevel, JobReport, RoverMode, TerrainNotice, channel};
+use wire::resources::ImportRequest;
+
+use crate::app::AppState;
+use crate::error::ApiError;
+use crate::jobs::JobHandle;
+use crate::stop::Stop;
+use crate::terrain_store::{source_text, version_name};
+use crate::world;
+
+/// Time allowed for an import (s).
+const DEADLINE_S: f64 = 600.0;
+
+/// Begins an import.
+pub fn start(app: AppState, who: String, request: ImportRequest) -> Result<JobReport, ApiError> {
+    world::check_import(&request)?;
+    if let Some(file) = &request.file {
+        let path = app.terrain_file(file)?;
+        if !path.is_file() {
+            let message =
+                format!("there is no file {file}; PUT /terrain/files/{file} puts it there");
+            return Err(ApiError::new("terrain_file_unknown", message));
+        }
+    }
+    rover_is_idle(&app)?;
+    let job = app.jobs.begin("import", Stop::after(Some(DEADLINE_S))?)?;
+    let report = app.jobs.get(job.id())?;
+    tokio::spawn(async move {
+        let permit = match app.gate.enter().await {
+            Ok(permit) => permit,
+            Err(error) => return job.end(Err(error)),
+        };
+        let work = move || {
+            let _place = permit;
+            let outcome = import(&app, &who, &request, &job);
+            job.end(outcome);
+        };
+        // A panic drops the job, which then counts as failed.
+        if let Err(error) = tokio::task::spawn_blocking(work).await {
+            tracing::error!("an import: {error}");
+        }
+    });
+    Ok(report)
+}
+
+fn rover_is_idle(app: &AppState) -> Result<(), ApiError> {
+    if app.live.latest()?.frame.mode == RoverMode::Idle {
+        return Ok(());
+    }
+    let message = "the rover is not idle; wait for its command, or release the E-stop, before it \
+                   is placed anew";
+    Err(ApiError::new("rover_busy", message))
+}
+
+fn import(
+    app: &AppState,
+    who: &str,
+    request: &ImportRequest,
+    job: &JobHandle,
+) -> Result<String, ApiError> {
+    job.progress(0.05, "reads the ground");
+    let map = world::import_map(&app.terrains, request)?;
+    job.stop().check()?;
+    job.progress(0.5, "seats the rover");
+    let (robot, gravity) = (app.live.robot(), app.live.gravity());
+    let pose = &app.config.rover.pose;
+    let seated = world::seat(robot, &map, gravity, request.place_m, request.heading_rad, pose);
+    let (rover, settled) = seated?;
+    job.stop().check()?;
+    rover_is_idle(app)?;
+    let notice = TerrainNotice {
+        version: version_name(&map),
+        source: source_text(&map),
+        synthetic_detail: map.source().synthetic_detail,
+    };
+    let text = format!(
+        "new map: {}; the rover stands {:.2} m from the wished place, margin {:.2} m",
+        notice.source, settled.moved_m, settled.margin_m
+    );
+    let version = {
+        let (mut ground, now) = app.live.locked();
+        ground.replace_rover(now, who, Box::new(SimAdapter::new(now, rover)))?;
+        let version = app.store.put(map, now);
+        ground.publish(now, channel::TERRAIN, &notice);
+        ground.notice(now, EventLevel::Info, who, &text);
+        version
+    };
+    job.progress(0.9, "judges the ground");
+    if let Err(error) = version.layers() {
+        // The map is in use all the same; tiles of traversability will say this again.
+        app.live.notice(EventLevel::Caution, "server", &error.message);
+    }
+    Ok("/api/v1/terrain/versions".into())
+}

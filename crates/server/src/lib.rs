@@ -1,0 +1,30 @@
+//! The ground server: routes, stream, jobs, configuration, command line.
+//!
+//! It holds no domain logic: it looks up what a request names, calls the crates below, and puts
+//! their answers into the words of `wire`. Requests of a stateless analysis go the same way over
+//! HTTP ([`api`]) and on the command line ([`cli`]).
+
+pub mod analyses;
+pub mod api;
+pub mod app;
+mod assets;
+pub mod body;
+pub mod cli;
+pub mod config;
+pub mod error;
+pub mod gate;
+mod import;
+pub mod jobs;
+pub mod live;
+pub mod plans;
+pub mod replays;
+pub mod robots;
+pub mod scene;
+pub mod security;
+pub mod serve;
+mod staging;
+pub mod stop;
+pub mod stream;
+pub mod terrain_store;
+pub mod terrains;
+pub mod world;
