@@ -1,0 +1,69 @@
+// One table of all benchmarks that Criterion has measured: median, and how it compares with the
+// baseline of its group: the benchmark named "(baseline)", or the simple way to do the same work.
+import { readFileSync, readdirSync, existsSync } from "node:fs";
+import { join } from "node:path";
+
+const root = process.argv[2] ?? "target/criterion";
+const isBaseline = (name) => /\(baseline\)|^plain |^brute force/.test(name);
+
+function measured(folder) {
+  if (!existsSync(folder)) return [];
+  const here = join(folder, "new", "estimates.json");
+  const found = existsSync(here) ? [folder] : [];
+  for (const entry of readdirSync(folder, { withFileTypes: true })) {
+    if (entry.isDirectory() && entry.name !== "new" && entry.name !== "base") {
+      found.push(...measured(join(folder, entry.name)));
+    }
+  }
+  return found;
+}
+
+const rows = measured(root).map((folder) => {
+  const json = (name) => JSON.parse(readFileSync(join(folder, "new", name), "utf8"));
+  const about = json("benchmark.json");
+  const elements = about.throughput?.Elements ?? null;
+  // A benchmark without a group has its group in front of a slash.
+  const [group, ...rest] = about.full_id.split("/");
+  return {
+    group,
+    name: rest.join("/") || group,
+    id: about.full_id,
+    ns: json("estimates.json").median.point_estimate,
+    elements,
+  };
+});
+rows.sort((a, b) => (a.id < b.id ? -1 : 1));
+
+function time(ns) {
+  for (const [unit, size] of [["s", 1e9], ["ms", 1e6], ["µs", 1e3]]) {
+    if (ns >= size) return `${(ns / size).toPrecision(3)} ${unit}`;
+  }
+  return `${ns.toPrecision(3)} ns`;
+}
+
+function rate(row) {
+  if (row.elements === null) return "";
+  const perSecond = (row.elements / row.ns) * 1e9;
+  return perSecond >= 1e6
+    ? `${(perSecond / 1e6).toPrecision(3)} M/s`
+    : `${(perSecond / 1e3).toPrecision(3)} k/s`;
+}
+
+const lines = rows.map((row) => {
+  const baseline = rows.find((other) => other.group === row.group && isBaseline(other.name));
+  const cost = (r) => r.ns / (r.elements !== null && baseline?.elements !== null ? r.elements : 1);
+  const ratio =
+    baseline === undefined ? "-" : baseline === row ? "1" : (cost(row) / cost(baseline)).toPrecision(3);
+  return [row.id, time(row.ns), rate(row), ratio];
+});
+if (lines.length === 0) {
+  console.error("No benchmark has been measured yet.");
+  process.exit(3);
+}
+const table = [["benchmark", "median", "rate", "× baseline"], ...lines];
+const width = table[0].map((_, i) => Math.max(...table.map((line) => [...line[i]].length)));
+for (const line of table) {
+  console.log(
+    line.map((cell, i) => (i === 0 ? cell.padEnd(width[i]) : cell.padStart(width[i]))).join("  "),
+  );
+}
