@@ -17,6 +17,10 @@ const REFINEMENTS: usize = 20;
 /// radius: the corners of a wheel that has sunk in by the whole tolerance.
 pub(crate) const BEYOND_CONTACT: f64 = 0.25;
 
+/// Difference of gaps, as a share of the wheel's radius, below which points are equally near:
+/// 1 mm for the wheel of `athlete`.
+const EQUALLY_NEAR: f64 = 0.004;
+
 /// The smallest vertical gap and where it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WheelGap {
@@ -54,13 +58,22 @@ pub fn wheel_ground(
     WheelGround { nearest: search.best, unknown: search.unknown }
 }
 
-/// The middle of a wheel's contact: of the line along which it touches ground that is level across
-/// its width, else the point of touch itself.
+/// The middle of a wheel's contact: the middle of its width at the bottom, where that is as near
+/// to the ground as any other point, else the nearest point of ground itself.
+///
+/// A wheel with a level axle touches level ground along a line; without this, rounding (or a
+/// hundredth of a millimeter of roughness) would pick one of its ends.
 pub fn contact_center(wheel: &WheelPose, map: &ElevationMap, gap: &WheelGap) -> Point3<f64> {
-    let normal = map.normal_at(gap.ground.xy()).unwrap_or(Vector3::z_axis());
-    let low = wheel.lowest_point(&normal);
-    let on_line = (low - gap.ground).norm() <= 0.5 * wheel.width + 1e-6;
-    if on_line { low } else { gap.ground }
+    let plane = map.footprint_plane(gap.ground.xy(), wheel.width).map(|plane| plane.normal);
+    let normal = plane.or_else(|| map.normal_at(gap.ground.xy())).unwrap_or(Vector3::z_axis());
+    let axle = wheel.axle().into_inner();
+    let across = normal.into_inner() - axle * normal.dot(&axle);
+    let Some(across) = Unit::try_new(across, 1e-9) else { return gap.ground };
+    let middle = wheel.lowest_point(&across);
+    let as_near = map
+        .height_at(middle.xy())
+        .is_some_and(|ground| middle.z - ground <= gap.gap + EQUALLY_NEAR * wheel.radius);
+    if as_near { middle } else { gap.ground }
 }
 
 fn wheel_is_level(wheel: &WheelPose, normal: &Unit<Vector3<f64>>) -> bool {

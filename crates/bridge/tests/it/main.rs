@@ -10,5 +10,6 @@ mod hostile;
 mod link;
 mod recorder;
 mod replay;
+mod sim_adapter;
 mod stock_reader;
 mod support;

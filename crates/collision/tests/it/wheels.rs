@@ -1,6 +1,6 @@
 //! The wheel against the ground: closed forms on planes, point clouds on rough ground.
 
-use collision::wheel_ground;
+use collision::{contact_center, wheel_ground};
 use geometry::{Grid, Raster};
 use nalgebra::{Isometry3, Point2, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -110,5 +110,23 @@ fn lifting_the_wheel_lifts_the_gap() {
         let high = wheel(Vector3::new(0.1, 0.2, 0.8), turn);
         let gap = |w| wheel_ground(&w, &map, |_| true).nearest.unwrap().gap;
         assert!((gap(high) - gap(low) - 0.5).abs() < 1e-5);
+    }
+}
+
+#[test]
+fn a_level_wheel_touches_in_the_middle_of_its_width_even_if_it_hovers_or_the_ground_is_rough() {
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    for _ in 0..100 {
+        let grid = Grid { origin: Point2::new(-2.0, -2.0), resolution: 0.1, nx: 41, ny: 41 };
+        let rough = Raster::from_fn(grid, |_, _| rng.random_range(0.0..2e-4_f32));
+        let map = ElevationMap::new(rough, Source::file("test"));
+        let yaw = rng.random_range(-3.0..3.0);
+        let hover = rng.random_range(0.0..0.01);
+        let center = Vector3::new(rng.random_range(-0.5..0.5), 0.2, 0.264 + hover);
+        let wheel = wheel(center, Vector3::new(0.0, 0.0, yaw));
+        let gap = wheel_ground(&wheel, &map, |_| true).nearest.unwrap();
+        let contact = contact_center(&wheel, &map, &gap);
+        // The ground's plane leans by less than 2 mrad: 0.5 mm at the wheel's radius.
+        assert!((contact.xy().coords - center.xy()).norm() < 2e-3, "{contact} {center}");
     }
 }
