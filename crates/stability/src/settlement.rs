@@ -4,18 +4,20 @@
 //! of any one standing foot by a stated depth s ("Margin rule of a step" in the design; H5, F83).
 //! The rover is rigid here. When foot k sinks, one of two things happens:
 //!
-//! - the center of mass lies over the hull of the other feet: they carry it, nothing tips, and
-//!   what is left is the depth in that hull;
-//! - else the rover tips about the line through two of the other feet, a and b, until foot k has
-//!   gone down by s and carries again; what is left is the depth of the center of mass, which has
-//!   moved with the rover, in the triangle of a, b and the sunk foot.
+//! - the center of mass lies over the hull of the other feet: they carry it and nothing moves;
+//!   foot k still catches the rover should it tip that way;
+//! - else the rover tips about the line through two of the other feet until foot k has gone down
+//!   by s and carries again, and the center of mass has moved with it.
+//!
+//! Either way what is left is the regular margin then: how far the center of mass may still move,
+//! seen along gravity, before the rover falls, that is, its depth in the hull of all feet where
+//! they now are. Rocking from one set of feet to another and back is not falling.
 //!
 //! The line is that edge of the others' hull with the center of mass outside of it whose triangle
 //! with foot k holds it: all other feet rise on their side of that line. Everything is in the
 //! gravity frame `g` (z up), in meters. The turn is exact, not for small angles, and the line may
 //! slope. What the other feet would touch while they rise does not enter.
 
-use geometry::ConvexPolygon;
 use nalgebra::{Point2, Point3, Rotation3, Unit};
 
 use crate::support_polygon::regular;
@@ -25,8 +27,8 @@ use crate::support_polygon::regular;
 pub struct Settlement {
     /// Index of the contact that settles.
     pub contact: usize,
-    /// Depth of the center of mass in the polygon that then carries it (m); negative if the rover
-    /// tips over, negative infinity if no polygon is left.
+    /// Depth of the center of mass in the hull of all feet after the settlement (m); negative if the
+    /// rover falls, negative infinity if no polygon is left.
     pub margin_m: f64,
 }
 
@@ -67,24 +69,29 @@ fn of_contact(
     let Ok(hull) = regular(&others) else {
         // Two other feet, or all on one line: the rover tips about the line through the outermost.
         let (a, b) = outermost(&others);
-        return tipped_margin([a, b], foot, com_in_g, settlement_m);
+        return tipped_margin([a, b], contacts_in_g, foot, com_in_g, settlement_m);
     };
     if hull.depth_of(com) >= 0.0 {
-        return hull.depth_of(com);
+        return depth_in_hull(contacts_in_g, com_in_g);
     }
     hull.edges()
         .filter(|(a, b)| (b - a).perp(&(com - a)) < 0.0)
         .map(|(a, b)| {
             let line = [contact_at(&others, a), contact_at(&others, b)];
-            tipped_margin(line, foot, com_in_g, settlement_m)
+            tipped_margin(line, contacts_in_g, foot, com_in_g, settlement_m)
         })
         .fold(f64::NEG_INFINITY, f64::max)
+}
+
+fn depth_in_hull(contacts: &[Point3<f64>], com: &Point3<f64>) -> f64 {
+    regular(contacts).map_or(f64::NEG_INFINITY, |hull| hull.depth_of(com.xy()))
 }
 
 /// The margin (m) after the rover has turned about the line through `line` until `foot` has gone
 /// down by `settlement_m` (m).
 fn tipped_margin(
     line: [Point3<f64>; 2],
+    contacts: &[Point3<f64>],
     foot: &Point3<f64>,
     com: &Point3<f64>,
     settlement_m: f64,
@@ -100,9 +107,8 @@ fn tipped_margin(
     let lowered = ((radial.z - settlement_m) / swing).clamp(-1.0, 1.0).acos();
     let turn = Rotation3::from_axis_angle(&axis, top - lowered.copysign(top));
     let moved = |p: &Point3<f64>| line[0] + turn * (p - line[0]);
-    let triangle = vec![line[0].xy(), line[1].xy(), moved(foot).xy()];
-    ConvexPolygon::hull(triangle)
-        .map_or(f64::NEG_INFINITY, |triangle| triangle.depth_of(moved(com).xy()))
+    let feet: Vec<Point3<f64>> = contacts.iter().map(moved).collect();
+    depth_in_hull(&feet, &moved(com))
 }
 
 /// The contact seen at `vertex`; of two above each other the first.

@@ -54,7 +54,8 @@ pub fn settled_margin(contacts: &[Point3<f64>], k: usize, com: &Point3<f64>, s: 
         contacts.iter().enumerate().filter(|(i, _)| *i != k).map(|(_, c)| *c).collect();
     let flat: Vec<Point2<f64>> = others.iter().map(Point3::xy).collect();
     if flat.len() >= 3 && inside_hull(&flat, com.xy()) {
-        return depth_by_sampled_directions(&flat, com.xy());
+        let all: Vec<Point2<f64>> = contacts.iter().map(Point3::xy).collect();
+        return depth_by_sampled_directions(&all, com.xy());
     }
     let mut best = f64::NEG_INFINITY;
     for a in &others {
@@ -62,7 +63,7 @@ pub fn settled_margin(contacts: &[Point3<f64>], k: usize, com: &Point3<f64>, s: 
             let side = |p: &Point3<f64>| (b - a).xy().perp(&(p - a).xy());
             let spans = others.iter().all(|p| side(p) >= -1e-12) && a != b;
             if spans && side(com) < 0.0 {
-                best = best.max(after_turn([a, b], &contacts[k], com, s));
+                best = best.max(after_turn([a, b], contacts, &contacts[k], com, s));
             }
         }
     }
@@ -89,7 +90,13 @@ fn depth_by_sampled_directions(points: &[Point2<f64>], p: Point2<f64>) -> f64 {
     reach(0.5 * (lo + hi))
 }
 
-fn after_turn([a, b]: [&Point3<f64>; 2], foot: &Point3<f64>, com: &Point3<f64>, s: f64) -> f64 {
+fn after_turn(
+    [a, b]: [&Point3<f64>; 2],
+    contacts: &[Point3<f64>],
+    foot: &Point3<f64>,
+    com: &Point3<f64>,
+    s: f64,
+) -> f64 {
     let turned = |p: &Point3<f64>, t: f64| {
         a + UnitQuaternion::from_scaled_axis((b - a).normalize() * t) * (p - a)
     };
@@ -104,7 +111,8 @@ fn after_turn([a, b]: [&Point3<f64>; 2], foot: &Point3<f64>, com: &Point3<f64>, 
         let mid = 0.5 * (lo + hi);
         if sunk(mid) >= s { hi = mid } else { lo = mid }
     }
-    depth_in_triangle([a.xy(), b.xy(), turned(foot, hi).xy()], turned(com, hi).xy())
+    let feet: Vec<Point2<f64>> = contacts.iter().map(|p| turned(p, hi).xy()).collect();
+    depth_by_sampled_directions(&feet, turned(com, hi).xy())
 }
 
 /// Loads of equal springs by trying every set of carrying feet: the one whose linear loads are

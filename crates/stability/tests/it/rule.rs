@@ -40,7 +40,7 @@ fn six_feet_meet_the_rule_under_both_preferences() {
     let report = report(&SIX);
     let apothem = foot_radius() * 0.75_f64.sqrt();
     assert!((report.regular.unwrap().margin.depth_m - apothem).abs() < 1e-9);
-    assert!((report.settlement.unwrap().margin_m - 0.5 * foot_radius()).abs() < 1e-9);
+    assert!((report.settlement.unwrap().margin_m - apothem).abs() < 1e-9);
     let conservative = judge(&SIX, 0.15, Preference::Conservative);
     assert!(conservative.ok, "{conservative:?}");
 }
