@@ -3,7 +3,7 @@ import hooks from "eslint-plugin-react-hooks";
 import tseslint from "typescript-eslint";
 
 export default tseslint.config(
-  { ignores: ["dist", "test-results", "playwright-report", "src/api/schema.ts"] },
+  { ignores: ["dist", "test-results", "playwright-report", "src/api/schema.d.ts"] },
   js.configs.recommended,
   ...tseslint.configs.recommended,
   { ...hooks.configs.flat["recommended-latest"], files: ["src/**/*.{ts,tsx}"] },

@@ -40,7 +40,7 @@ export function causesOf({ connection, model, channels, stale }: Situation): Cau
       add("serious", `Margin ${metres(margin)} is below ${metres(model.margin_m)}`);
     }
     const settled = stability.settlement_margin_m;
-    if (settled !== null && settled < 0) {
+    if (settled != null && settled < 0) {
       const leg = stability.settlement_leg ? legLabel(stability.settlement_leg) : "a foot";
       add("caution", `A settlement of ${leg} would tip the rover`);
     }

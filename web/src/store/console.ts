@@ -129,7 +129,7 @@ export async function load(): Promise<void> {
 
 /** The answer of `GET /rover`, where the stream has not brought something newer. */
 function withLatest(live: Channels, answer: RoverAnswer): Channels {
-  const { latest, stability } = answer;
+  const { latest = null, stability = null } = answer;
   const now = parseTime(answer.now);
   const times = { sequence: 0, onboard_ms: now, received_ms: now };
   return {

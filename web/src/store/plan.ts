@@ -41,7 +41,7 @@ export async function makePlan(leg: string, target_m: Vec3): Promise<void> {
     const accepted = await api.plan({ leg, target: { position_m: target_m } });
     const job = await followJob(accepted, (j) => current() && set({ job: j }));
     if (!current() || job.state === "cancelled") return;
-    if (job.state !== "done" || job.result === undefined) {
+    if (job.state !== "done" || job.result == null) {
       set({ job: null, failure: job.error?.message ?? job.doing });
       return;
     }

@@ -78,7 +78,7 @@ export function reduce(state: StreamState, frame: StreamFrame): StreamState {
       return message(state, frame);
     case "gap": {
       const count = (c: Channels): Channels => ({ ...c, missed: c.missed + frame.missed });
-      if (frame.replay === undefined) return { ...state, live: count(state.live) };
+      if (frame.replay == null) return { ...state, live: count(state.live) };
       return ofThisReplay(state, frame.replay) && state.replay
         ? { ...state, replay: count(state.replay) }
         : state;
@@ -124,7 +124,7 @@ function message(state: StreamState, frame: StreamMessage): StreamState {
   if (frame.channel === "job/progress") {
     return { ...state, jobs: withJob(state.jobs, frame.message as JobReport) };
   }
-  if (frame.replay === undefined) return { ...state, live: fold(state.live, frame) };
+  if (frame.replay == null) return { ...state, live: fold(state.live, frame) };
   if (!ofThisReplay(state, frame.replay) || !state.replay) return state;
   return { ...state, replay: fold(state.replay, frame) };
 }

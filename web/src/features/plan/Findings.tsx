@@ -55,7 +55,7 @@ function Row({ finding }: { finding: PlanFinding }) {
         {capital(words(finding.check))}
         {place && <div className="quiet small">{place}</div>}
       </div>
-      {finding.margin !== null && Number.isFinite(finding.margin) && (
+      {finding.margin != null && Number.isFinite(finding.margin) && (
         <span className="num" title="To spare">
           {toSpare(finding.check, finding.margin)}
         </span>
