@@ -21,32 +21,6 @@ pub fn survives_any_loss(contacts: &[Point3<f64>], p: Point2<f64>) -> bool {
     })
 }
 
-/// Signed depth of p in the triangle: the least distance to a side line, or minus the distance to
-/// the triangle's border outside.
-pub fn depth_in_triangle(triangle: [Point2<f64>; 3], p: Point2<f64>) -> f64 {
-    let [a, b, c] = triangle;
-    let turn = (b - a).perp(&(c - a)).signum();
-    let sides = [(a, b), (b, c), (c, a)];
-    let inside = sides
-        .map(|(s, e)| turn * (e - s).perp(&(p - s)) / (e - s).norm())
-        .into_iter()
-        .fold(f64::INFINITY, f64::min);
-    if inside >= 0.0 {
-        return inside;
-    }
-    // The distance to a side, by a fine ternary search along it: convex in the parameter.
-    let to_side = |(s, e): (Point2<f64>, Point2<f64>)| {
-        let at = |t: f64| (s + (e - s) * t - p).norm();
-        let (mut lo, mut hi) = (0.0, 1.0);
-        for _ in 0..200 {
-            let (t1, t2) = (lo + (hi - lo) / 3.0, hi - (hi - lo) / 3.0);
-            if at(t1) < at(t2) { hi = t2 } else { lo = t1 }
-        }
-        at(0.5 * (lo + hi))
-    };
-    -sides.map(to_side).into_iter().fold(f64::INFINITY, f64::min)
-}
-
 /// The margin that is left when contact `k` settles by `s`: every pair of other feet is tried as
 /// the line that all other feet rise about, and the turn is found by creeping and bisection.
 pub fn settled_margin(contacts: &[Point3<f64>], k: usize, com: &Point3<f64>, s: f64) -> f64 {
