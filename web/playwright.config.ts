@@ -1,6 +1,9 @@
 import { defineConfig } from "@playwright/test";
 
-// The server is started by whoever runs the tests; FOOTFALL_URL says where it listens.
+/** Drawing in software, so that pictures need no graphics card. */
+const SOFTWARE_GL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
+
+// Each test starts a ground server of its own (e2e/support/server.ts).
 export default defineConfig({
   testDir: "e2e",
   workers: 1,
@@ -9,14 +12,15 @@ export default defineConfig({
   timeout: 120_000,
   expect: { timeout: 20_000 },
   use: {
-    baseURL: process.env.FOOTFALL_URL ?? "http://127.0.0.1:8080",
     viewport: { width: 1440, height: 900 },
     deviceScaleFactor: 1,
+    reducedMotion: "reduce",
     trace: "off",
+    screenshot: "only-on-failure",
     launchOptions: {
       executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
       chromiumSandbox: false,
-      args: ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
+      args: SOFTWARE_GL,
     },
   },
 });

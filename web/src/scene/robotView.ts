@@ -142,6 +142,11 @@ export class RobotView {
     return wheelCenter(this.robot, this.model, leg);
   }
 
+  /** Center of the planned wheel, where a plan is drawn. */
+  ghostWheel(): Vec3 | null {
+    return this.ghostLeg === null ? null : wheelCenter(this.ghost, this.model, this.ghostLeg);
+  }
+
   legShapes(): LegShape[] {
     return this.model.legs.map((l) => ({
       leg: l.name,

@@ -8,6 +8,8 @@ export interface FootfallHook {
   project(x: number, y: number, z: number): { x: number; y: number } | null;
   /** Center of a leg's wheel in `world` (m). */
   wheel(leg: string): Vec3 | null;
+  /** Center of the wheel of the planned pose in `world` (m), null while none is drawn. */
+  ghost(): Vec3 | null;
   /** Height of the ground (m), NaN outside the map. */
   height(x: number, y: number): number;
   readonly framesRendered: number;
@@ -24,6 +26,7 @@ export function installHook(viewer: Viewer): () => void {
   window.__footfall = {
     project: (x, y, z) => viewer.project(x, y, z),
     wheel: (leg) => viewer.robot?.wheel(leg) ?? null,
+    ghost: () => viewer.robot?.ghostWheel() ?? null,
     height: (x, y) => viewer.raster?.heightAt(x, y) ?? NaN,
     get framesRendered() {
       return viewer.framesRendered;
