@@ -10,8 +10,12 @@ use wire::check::RequestError;
 
 use crate::error::ApiError;
 
-/// Reads JSON; errors name the field.
+/// Reads a JSON object; errors name the field.
 pub fn parse<T: DeserializeOwned>(text: &[u8]) -> Result<T, RequestError> {
+    // Without this a list would be taken for an object's values in order.
+    if text.trim_ascii_start().first() == Some(&b'[') {
+        return Err(RequestError::new("wrong_type", "the request must be a JSON object"));
+    }
     let mut json = serde_json::Deserializer::from_slice(text);
     let value = serde_path_to_error::deserialize(&mut json).map_err(|error| {
         let path = error.path().to_string();
@@ -28,6 +32,9 @@ fn json_error(text: &[u8], path: &str, error: &serde_json::Error) -> RequestErro
     let refuse = |code, message| RequestError { code, field: field.clone(), message };
     if is_not_a_number(text, error) || said.starts_with("number out of range") {
         return refuse("not_finite", format!("{place} is NaN or infinite; give a finite number"));
+    }
+    if said.starts_with("trailing characters") && !field.is_empty() {
+        return refuse("wrong_type", format!("{place} has more elements than it takes"));
     }
     if !error.is_data() {
         return refuse("not_json", format!("{place} is not JSON: {said}"));
@@ -47,11 +54,11 @@ fn is_not_a_number(text: &[u8], error: &serde_json::Error) -> bool {
     let Some(line) = text.split(|b| *b == b'\n').nth(error.line().saturating_sub(1)) else {
         return false;
     };
-    // The column is that of the last byte read, counted from 1.
-    let from = error.column().saturating_sub(2).min(line.len());
-    let near = line[from..].trim_ascii_start();
-    let near = near.strip_prefix(b"-").unwrap_or(near);
-    [&b"NaN"[..], b"nan", b"Infinity", b"inf"].iter().any(|word| near.starts_with(word))
+    // The column counts from 1, and is that of the last byte read or of the one after it.
+    (error.column().saturating_sub(2)..=error.column()).any(|at| {
+        let near = line.get(at..).unwrap_or_default();
+        [&b"NaN"[..], b"nan", b"Infinity", b"inf"].iter().any(|word| near.starts_with(word))
+    })
 }
 
 /// A JSON body.
@@ -186,7 +193,7 @@ mod tests {
     #[test]
     fn deep_nesting_is_refused_not_followed() {
         let text = "[".repeat(100_000);
-        assert_eq!(parse::<KinematicsRequest>(text.as_bytes()).unwrap_err().code, "wrong_type");
+        assert!(parse::<KinematicsRequest>(text.as_bytes()).is_err());
         let text = format!("{{\"scene\": {}", "{\"obstacles\": [".repeat(100_000));
         assert!(parse::<KinematicsRequest>(text.as_bytes()).is_err());
     }

@@ -163,6 +163,14 @@ pub fn main() -> ExitCode {
     }
 }
 
+/// Whether the command line takes these words, the program's name first; the error says why not.
+pub fn understands(words: &[&str]) -> Result<(), String> {
+    match Cli::try_parse_from(words) {
+        Err(error) if error.use_stderr() => Err(error.to_string()),
+        _ => Ok(()),
+    }
+}
+
 fn run(command: &Command, output: Output) -> Result<Verdict, Failure> {
     match command {
         Command::Serve(args) => run_server::serve(args, output),

@@ -1,0 +1,125 @@
+//! The program itself.
+
+use std::io::Write;
+use std::process::{Command, Stdio};
+
+use serde_json::{Value, json};
+
+use crate::support::TempDir;
+
+pub struct Run {
+    pub status: i32,
+    pub output: String,
+    pub errors: String,
+}
+
+/// Runs the program with these arguments and this standard input.
+pub fn footfall(arguments: &[&str], input: &str) -> Run {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_footfall"))
+        .args(arguments)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut stdin = child.stdin.take().unwrap();
+    let input = input.to_owned();
+    let writer = std::thread::spawn(move || {
+        // A program that refuses early does not read to the end.
+        let _ = stdin.write_all(input.as_bytes());
+    });
+    let output = child.wait_with_output().unwrap();
+    writer.join().unwrap();
+    Run {
+        status: output.status.code().unwrap(),
+        output: String::from_utf8(output.stdout).unwrap(),
+        errors: String::from_utf8(output.stderr).unwrap(),
+    }
+}
+
+fn contacts(points: &[[f64; 2]]) -> Value {
+    points.iter().map(|[x, y]| json!({ "position_m": [x, y, 0.0] })).collect()
+}
+
+#[test]
+fn the_exit_status_tells_yes_no_and_unusable() {
+    let triangle = contacts(&[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]);
+    let case = |x: f64| json!({ "contacts": triangle, "com_m": [x, 0.2, 1.0] });
+    let cases = |list: &[Value]| json!({ "cases": list }).to_string();
+    assert_eq!(footfall(&["stability", "-"], &cases(&[case(0.2)])).status, 0);
+    assert_eq!(footfall(&["stability", "-"], &cases(&[case(2.0)])).status, 1);
+    assert_eq!(footfall(&["stability", "-"], &cases(&[case(2.0), case(0.2)])).status, 0);
+    let refused = footfall(&["stability", "-", "--json"], "{\"case\": []}");
+    assert_eq!(refused.status, 2);
+    let error: Value = serde_json::from_str(&refused.output).unwrap();
+    assert_eq!(error["error"]["code"], "unknown_field");
+    assert_eq!(refused.errors.lines().count(), 1, "{}", refused.errors);
+    let plain = footfall(&["stability", "-"], "{\"case\": []}");
+    assert_eq!((plain.status, plain.output.as_str()), (2, ""));
+    assert_eq!(footfall(&["stability", "no-such-file.json"], "").status, 2);
+    assert_eq!(footfall(&["dance"], "").status, 2);
+    assert_eq!(footfall(&["--help"], "").status, 0);
+}
+
+#[test]
+fn a_terrain_file_is_found_beside_its_request() {
+    let dir = TempDir::new();
+    let out = dir.path().join("ground.tif");
+    let generate =
+        ["terrain", "generate", "--recipe", "smooth_mare", "--seed", "3", "--width-m", "8"];
+    let run = footfall(&[&generate[..], &["--out", out.to_str().unwrap()]].concat(), "");
+    assert_eq!(run.status, 0, "{}", run.errors);
+    let request = dir.path().join("request.json");
+    let body = json!({ "terrain": { "file": "ground.tif" }, "footprint_m": 0.45 });
+    std::fs::write(&request, body.to_string()).unwrap();
+    let layers = dir.path().join("layers.tif");
+    let arguments =
+        ["traversability", request.to_str().unwrap(), "--out", layers.to_str().unwrap()];
+    let run = footfall(&arguments, "");
+    assert_eq!(run.status, 0, "{}", run.errors);
+    let answer: Value = serde_json::from_str(&run.output).unwrap();
+    let names = json!(["slope_rad", "roughness_m", "step_m", "goodness", "certainty", "class"]);
+    assert_eq!((&answer["layers"], &answer["window"]), (&names, &json!(9)));
+    assert_eq!(answer["class"], Value::Null);
+    assert_eq!(&std::fs::read(layers).unwrap()[..4], b"II*\0");
+}
+
+#[test]
+fn a_repeated_request_gives_each_answer_with_its_statistics() {
+    let request = json!({ "cases": [{ "contacts": [], "com_m": [0, 0, 0] }] }).to_string();
+    let run = footfall(&["stability", "-", "--repeat", "3"], &request);
+    let runs: Value = serde_json::from_str(&run.output).unwrap();
+    let runs = runs["runs"].as_array().unwrap();
+    assert_eq!(runs.len(), 3);
+    assert!(runs.iter().all(|run| run["statistics"]["total_ms"].is_number()));
+    assert!(runs.iter().all(|run| run["cases"] == runs[0]["cases"]));
+}
+
+#[test]
+fn a_server_that_cannot_listen_says_so_in_one_sentence() {
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port().to_string();
+    let dir = TempDir::new();
+    let logs = dir.path().to_str().unwrap();
+    let run = footfall(&["serve", "--demo", "--port", &port, "--logs", logs], "");
+    assert_eq!((run.status, run.errors.lines().count()), (2, 1), "{}", run.errors);
+    assert!(run.errors.contains("in use"), "{}", run.errors);
+    for address in ["0.0.0.0", "192.168.1.5", "::", "example.com"] {
+        let run = footfall(&["serve", "--bind", address, "--port", "0", "--logs", logs], "");
+        assert_eq!((run.status, run.errors.lines().count()), (2, 1), "{}", run.errors);
+        assert!(run.errors.contains("loopback"), "{}", run.errors);
+    }
+    let run = footfall(&["serve", "--config", "no-such.toml"], "");
+    assert_eq!((run.status, run.errors.lines().count()), (2, 1), "{}", run.errors);
+}
+
+#[test]
+fn a_log_is_described_and_its_damage_told() {
+    let dir = TempDir::new();
+    let file = dir.path().join("no.mcap");
+    std::fs::write(&file, b"not a log").unwrap();
+    let run = footfall(&["log", "info", file.to_str().unwrap(), "--json"], "");
+    assert_eq!(run.status, 2, "{}", run.output);
+    let error: Value = serde_json::from_str(&run.output).unwrap();
+    assert_eq!(error["error"]["code"], "log_damaged");
+}

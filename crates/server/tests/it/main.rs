@@ -1,0 +1,14 @@
+//! The ground server as a whole: over HTTP in this process, over its stream, and as a program.
+
+#![allow(clippy::unwrap_used)]
+
+mod analyses;
+mod bad_input;
+mod codes;
+mod command_line;
+mod documents;
+mod job;
+mod real_terrain;
+mod routes;
+mod stream;
+mod support;
