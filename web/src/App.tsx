@@ -1,4 +1,4 @@
-import { ChevronLeft, ChevronRight, Mountain } from "lucide-react";
+import { ChevronLeft, ChevronRight } from "lucide-react";
 import { useEffect } from "react";
 
 import { Banner } from "./features/banner/Banner";
@@ -77,7 +77,6 @@ function LeftPanels() {
             <StancePanel />
             <OverlayPanel />
             <DrawingPanel />
-            <MapSection />
           </div>
           <CellReadout />
         </div>
@@ -95,32 +94,30 @@ function LeftPanels() {
   );
 }
 
-function MapSection() {
-  const version = useTerrain((s) => s.version);
-  return (
-    <section className="section map-section">
-      <span className="quiet small map-source" title={version?.source}>
-        {version ? version.source : "No map"}
-        {version?.synthetic_detail && ", synthetic detail"}
-      </span>
-      <button
-        type="button"
-        className="button bare"
-        data-testid="import-open"
-        onClick={() => useView.setState({ importOpen: true })}
-      >
-        <Mountain size={16} aria-hidden /> New map
-      </button>
-    </section>
-  );
-}
-
 const TABS: [RightTab, string][] = [
   ["step", "Step"],
   ["hand", "By hand"],
   ["telemetry", "Telemetry"],
   ["log", "Log"],
 ];
+
+const TAB_STEPS: Record<string, (at: number) => number> = {
+  ArrowRight: (at) => (at + 1) % TABS.length,
+  ArrowLeft: (at) => (at + TABS.length - 1) % TABS.length,
+  Home: () => 0,
+  End: () => TABS.length - 1,
+};
+
+/** Arrow keys go from tab to tab; only the open one is a stop of the tab key. */
+function onTabKey(event: React.KeyboardEvent): void {
+  const step = TAB_STEPS[event.key];
+  if (!step) return;
+  event.preventDefault();
+  const { tab } = useView.getState();
+  const [next] = TABS[step(TABS.findIndex(([value]) => value === tab))]!;
+  useView.setState({ tab: next });
+  document.getElementById(`tab-${next}`)?.focus();
+}
 
 function RightPanel() {
   const { tab, rightOpen } = useView();
@@ -136,13 +133,22 @@ function RightPanel() {
                 role="tab"
                 aria-selected={tab === value}
                 data-testid={`tab-${value}`}
+                id={`tab-${value}`}
+                aria-controls="right-body"
+                tabIndex={tab === value ? 0 : -1}
                 onClick={() => useView.setState({ tab: value })}
+                onKeyDown={onTabKey}
               >
                 {label}
               </button>
             ))}
           </div>
-          <div className="right-body" role="tabpanel">
+          <div
+            className="right-body"
+            id="right-body"
+            role="tabpanel"
+            aria-labelledby={`tab-${tab}`}
+          >
             {tab === "step" && <PlanPanel />}
             {tab === "hand" && <HandPanel />}
             {tab === "telemetry" && <TelemetryPanel />}

@@ -1,6 +1,7 @@
 // Ties the stores to the viewer: what changes there is shown here.
 
-import type { RoverTelemetry, Vec3 } from "../api/types";
+import type { RasterHeader } from "../api/tiles";
+import type { RoverTelemetry, Vec2, Vec3 } from "../api/types";
 import { jointsAt, predictedJoints } from "../lib/step";
 import { useConsole } from "../store/console";
 import { freshnessOf } from "../store/freshness";
@@ -174,7 +175,8 @@ function bindTerrain(viewer: Viewer): Unbind {
       return { shape, classes: terrain.classes, styles: TRAVERSABILITY };
     }
     if (kind === "reachability" && grid) {
-      return { shape: grid.header, classes: grid.classes, styles: REACHABILITY };
+      const circle = reachCircle(grid.header, useReach.getState().leg);
+      return { shape: grid.header, classes: grid.classes, styles: REACHABILITY, circle };
     }
     return null;
   };
@@ -192,6 +194,15 @@ function bindTerrain(viewer: Viewer): Unbind {
   return () => stops.forEach((stop) => stop());
 }
 
+/** A leg answers for the circle of its length around its hip; the hip is the middle of its grid. */
+function reachCircle(header: RasterHeader, leg: string | null): [number, number, number] {
+  const { origin_m, size, resolution_m } = header;
+  const half = size.map((n) => ((n - 1) / 2) * resolution_m) as Vec2;
+  const model = useConsole.getState().model?.legs.find((l) => l.name === leg);
+  const radius = Math.min(model?.reach_m ?? Infinity, Math.max(...half));
+  return [origin_m[0] + half[0], origin_m[1] + half[1], radius];
+}
+
 function bindSelection(viewer: Viewer): Unbind {
   const update = () => {
     showPick(viewer);
@@ -201,6 +212,7 @@ function bindSelection(viewer: Viewer): Unbind {
   update();
   return useSelection.subscribe((now, before) => {
     if (now.pick !== before.pick || now.leg !== before.leg) update();
+    if (now.leg !== null && now.leg !== before.leg) viewer.reveal(now.leg);
   });
 }
 

@@ -58,6 +58,13 @@ export class CameraRig {
     };
   }
 
+  /** Goes to a place without looking elsewhere. */
+  moveTo(place: Vector3): void {
+    const target = this.controls.target;
+    const arm = new Vector3().subVectors(place, target);
+    this.aim(target.toArray(), arm.toArray(), arm.length(), false);
+  }
+
   /** Moves on with the easing; true while there is more to come. */
   advance(now: number): boolean {
     if (!this.ease) return false;

@@ -16,6 +16,7 @@ import {
   RGBAFormat,
   UnsignedByteType,
   Vector2,
+  Vector3,
 } from "three";
 
 import { GROUND_COLOR, GROUND_NORMAL, GROUND_PARS, GROUND_VERTEX } from "./groundShader";
@@ -26,6 +27,8 @@ export interface OverlayRaster {
   shape: RasterShape;
   classes: Uint8Array;
   styles: ClassStyle[];
+  /** Only nodes within this circle are painted: center x, y and radius (m). */
+  circle?: [number, number, number];
 }
 
 const MAX_TEXTURE = 2048;
@@ -50,6 +53,7 @@ export class Ground {
     uOverlayNodes: { value: new Vector2(1, 1) },
     uOverlayStep: { value: 1 },
     uOverlayOn: { value: 0 },
+    uOverlayCircle: { value: new Vector3() },
     uStyles: { value: Array.from({ length: CLASSES }, () => new Color()) },
     uStrengths: { value: new Float32Array(CLASSES) },
     uHatches: { value: new Float32Array(CLASSES) },
@@ -86,6 +90,7 @@ export class Ground {
     u.uClasses.value = texture;
     u.uOverlayOrigin.value.set(...overlay.shape.origin_m);
     u.uOverlayNodes.value.set(w, h);
+    u.uOverlayCircle.value.set(...(overlay.circle ?? [0, 0, 0]));
     u.uOverlayStep.value = overlay.shape.resolution_m;
     for (const style of overlay.styles) {
       if (style.value >= CLASSES) continue;

@@ -13,6 +13,7 @@ uniform vec2 uOverlayOrigin;
 uniform vec2 uOverlayNodes;
 uniform float uOverlayStep;
 uniform float uOverlayOn;
+uniform vec3 uOverlayCircle;
 uniform vec3 uStyles[8];
 uniform float uStrengths[8];
 uniform float uHatches[8];
@@ -59,7 +60,9 @@ vec3 hidden = vec3(0.13, 0.15, 0.18) + 0.09 * hatching(1.0, vGround);
 dust = mix(dust, hidden, unknown);
 if (uOverlayOn > 0.5) {
   vec2 node = floor((vGround - uOverlayOrigin) / uOverlayStep + 0.5);
-  if (all(greaterThanEqual(node, vec2(0.0))) && all(lessThan(node, uOverlayNodes))) {
+  vec2 place = uOverlayOrigin + node * uOverlayStep;
+  bool within = uOverlayCircle.z <= 0.0 || distance(place, uOverlayCircle.xy) <= uOverlayCircle.z;
+  if (within && all(greaterThanEqual(node, vec2(0.0))) && all(lessThan(node, uOverlayNodes))) {
     int kind = int(texture2D(uClasses, (node + 0.5) / uOverlayNodes).r * 255.0 + 0.5);
     vec3 tint = vec3(0.5);
     float strength = 0.0;

@@ -10,6 +10,8 @@ import {
   MeshLambertMaterial,
   MeshStandardMaterial,
   type Object3D,
+  Raycaster,
+  Vector3,
 } from "three";
 import type { URDFRobot } from "urdf-loader";
 
@@ -145,6 +147,24 @@ export class RobotView {
   /** Center of the planned wheel, where a plan is drawn. */
   ghostWheel(): Vec3 | null {
     return this.ghostLeg === null ? null : wheelCenter(this.ghost, this.model, this.ghostLeg);
+  }
+
+  /** Is most of a leg behind other parts of the rover, seen from a place in `world`? */
+  hides(leg: string, from: Vector3): boolean {
+    const inTheWay: Object3D[] = [];
+    this.robot.traverse((node) => {
+      if (node instanceof Mesh && node.userData.leg !== leg) inTheWay.push(node);
+    });
+    const points = legPoints(this.robot, this.model, leg);
+    // What hangs at the hip is near the chassis from everywhere: the outer half decides.
+    const outer = points.slice(Math.floor(points.length / 2));
+    const hidden = outer.map((point) => {
+      const way = new Vector3(...point).sub(from);
+      const caster = new Raycaster(from, way.clone().normalize(), 0, way.length());
+      return caster.intersectObjects(inTheWay, false).length > 0;
+    });
+    const wheelHidden = hidden.at(-1) ?? false;
+    return wheelHidden || hidden.filter(Boolean).length > outer.length / 2;
   }
 
   legShapes(): LegShape[] {

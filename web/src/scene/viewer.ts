@@ -22,6 +22,7 @@ import { pickGround, type Ray } from "./gridPick";
 import type { HeightRaster } from "./heightRaster";
 import { pickLeg } from "./legPick";
 import { Marks } from "./marks";
+import { placesTowards } from "./reveal";
 import { RobotView } from "./robotView";
 import { StanceView } from "./stance";
 
@@ -52,6 +53,8 @@ export class Viewer {
   private timer = 0;
   private last = 0;
   private fitted = false;
+  /** Widths at the sides that panels cover (px). */
+  private covered = { left: 0, right: 0 };
 
   constructor(
     readonly canvas: HTMLCanvasElement,
@@ -95,6 +98,7 @@ export class Viewer {
   resize(width: number, height: number, left: number, right: number): void {
     if (width < 1 || height < 1) return;
     this.renderer.setSize(width, height, false);
+    this.covered = { left, right };
     this.rig.resize(width, height, left, right);
     this.invalidate(true);
   }
@@ -156,6 +160,26 @@ export class Viewer {
     } else {
       this.rig.aim([base[0], base[1], z + 0.17 * size], [-0.16, -1, 0.72], 2.75 * size, at_once);
     }
+    this.invalidate(true);
+  }
+
+  /** Turns the camera as far as a leg that cannot be seen asks for. */
+  reveal(leg: string): void {
+    const wheel = this.robot?.wheel(leg);
+    if (!wheel || !this.robot || !this.state) return;
+    const on = this.project(...wheel);
+    const { clientWidth, clientHeight } = this.canvas;
+    const outside =
+      !on ||
+      on.x < this.covered.left ||
+      on.x > clientWidth - this.covered.right ||
+      on.y < 0 ||
+      on.y > clientHeight;
+    if (outside) this.aim("iso", null, true);
+    const { position } = this.rig.camera;
+    const places = placesTowards(position, this.rig.controls.target, new Vector3(...wheel));
+    const place = places.find((p) => !this.robot!.hides(leg, p)) ?? places.at(-1);
+    if (place && place.distanceTo(position) > 1e-6) this.rig.moveTo(place);
     this.invalidate(true);
   }
 

@@ -98,7 +98,7 @@ function Actions({ refToPlan, record, ready, lapsed }: ActionProps) {
     return (
       <button
         type="button"
-        className="button"
+        className={why === null ? "button primary" : "button"}
         data-testid={`stage-${index}`}
         disabled={why !== null || busy[key]}
         title={why ?? "Stage this command"}
@@ -121,7 +121,7 @@ function Actions({ refToPlan, record, ready, lapsed }: ActionProps) {
         </button>
         <button
           type="button"
-          className="button"
+          className="button primary"
           data-testid={`arm-${index}`}
           disabled={blocked !== null || busy[record.id]}
           title={blocked ?? "Arm for 30 s; sending is done from the strip below"}

@@ -45,7 +45,7 @@ export function HandCommands() {
                   </button>
                   <button
                     type="button"
-                    className="button"
+                    className="button primary"
                     data-testid="hand-arm"
                     disabled={blocked !== null || busy[command.id]}
                     title={blocked ?? "Arm for 30 s; sending is done from the strip below"}

@@ -28,13 +28,20 @@ function onKey(event: KeyboardEvent): void {
   if (document.querySelector("dialog[open]")) return;
   // Escape belongs to an open popover first.
   if (event.key === "Escape" && document.querySelector(".popover")) return;
-  if (target?.closest("input:not([type=radio], [type=checkbox]), select, textarea")) return;
-  // Enter and space press what has the focus; arrows move within a group of radio buttons.
-  const pressable = target?.closest("button, input, a, summary") != null;
-  if (pressable && (event.key === "Enter" || event.key === " " || event.key.startsWith("Arrow"))) {
-    if (!(event.key.startsWith("Arrow") && target?.tagName === "BUTTON")) return;
-  }
+  if (target?.closest("input:not([type=radio], [type=checkbox], [type=range]), select, textarea"))
+    return;
+  if (target && isForIt(event.key, target)) return;
   if (act(event)) event.preventDefault();
+}
+
+/** Does what has the focus make something of the key itself? */
+function isForIt(key: string, target: HTMLElement): boolean {
+  if (key === "Enter") return target.closest("button, a, summary") !== null;
+  if (key === " ") return target.closest("button, input, a, summary") !== null;
+  if (key === "Home" || key === "End" || key.startsWith("Arrow")) {
+    return target.closest("input, [role=tab]") !== null;
+  }
+  return false;
 }
 
 const STEP_M = 0.05;

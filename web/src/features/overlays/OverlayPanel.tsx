@@ -18,10 +18,10 @@ export function OverlayPanel() {
   const overlay = useView((s) => s.overlay);
   return (
     <section className="section stack" aria-label="Overlay">
-      <fieldset className="overlay-choice">
-        <legend>Overlay</legend>
+      <h2 id="overlay-title">Overlay</h2>
+      <div className="segments" role="radiogroup" aria-labelledby="overlay-title">
         {OVERLAYS.map(([value, label]) => (
-          <label key={value} className="check">
+          <label key={value} className="segment">
             <input
               type="radio"
               name="overlay"
@@ -30,10 +30,10 @@ export function OverlayPanel() {
               checked={overlay === value}
               onChange={() => useView.setState({ overlay: value })}
             />
-            {label}
+            <span>{label}</span>
           </label>
         ))}
-      </fieldset>
+      </div>
       {overlay === "traversability" && <TraversabilityLegend />}
       {overlay === "reachability" && <ReachLegend />}
     </section>
@@ -43,15 +43,22 @@ export function OverlayPanel() {
 export function DrawingPanel() {
   const { forces, polygons, torqueColors } = useView();
   return (
-    <section className="section" aria-label="Drawing">
+    <section className="section drawing" aria-label="Drawing">
       <Toggle
-        label="Support polygons"
+        label="Polygons"
+        title="Support polygons and center of mass"
         on={polygons}
         set={(on) => useView.setState({ polygons: on })}
       />
-      <Toggle label="Wheel forces" on={forces} set={(on) => useView.setState({ forces: on })} />
       <Toggle
-        label="Joint torques as color"
+        label="Forces"
+        title="Wheel forces (g)"
+        on={forces}
+        set={(on) => useView.setState({ forces: on })}
+      />
+      <Toggle
+        label="Torques"
+        title="Joint torques as color (t)"
         on={torqueColors}
         set={(on) => useView.setState({ torqueColors: on })}
       />
@@ -59,9 +66,10 @@ export function DrawingPanel() {
   );
 }
 
-function Toggle({ label, on, set }: { label: string; on: boolean; set: (on: boolean) => void }) {
+function Toggle(props: { label: string; title: string; on: boolean; set: (on: boolean) => void }) {
+  const { label, title, on, set } = props;
   return (
-    <label className="check">
+    <label className="check" title={title}>
       <input type="checkbox" checked={on} onChange={(event) => set(event.target.checked)} />
       {label}
     </label>

@@ -1,8 +1,9 @@
 // The canvas, what is drawn beside it (scale, north, age), and the pointer.
 
-import { Compass, Maximize2 } from "lucide-react";
+import { Compass, Maximize2, Mountain } from "lucide-react";
 import { useEffect, useRef, useState } from "react";
 
+import { metres } from "../../lib/format";
 import { formatSpan } from "../../lib/time";
 import { bind } from "../../scene/bind";
 import { bestQuality, Viewer } from "../../scene/viewer";
@@ -69,7 +70,8 @@ export function SceneView({ left, right }: Props) {
         aria-label="Rover and ground in three dimensions. Keys 1 to 6 choose a leg, arrow keys move the pick."
         role="img"
       />
-      {missing ? <NoWebGl /> : <SceneNotes right={right} cues={cues} />}
+      {missing ? <NoWebGl /> : <SceneNotes left={left} right={right} cues={cues} />}
+      <MapNote left={left} />
     </div>
   );
 }
@@ -86,10 +88,45 @@ function NoWebGl() {
   );
 }
 
+/** Which map is shown, and that what is on it was made up where it was. */
+function MapNote({ left }: { left: number }) {
+  const version = useTerrain((s) => s.version);
+  const [width, height] = version?.size.map((n) => (n - 1) * version.resolution_m) ?? [0, 0];
+  const facts = version
+    ? `${version.source}: ${width!.toFixed(0)} × ${height!.toFixed(0)} m, a node each ${metres(version.resolution_m)}`
+    : "No map has come yet";
+  return (
+    <div className="scene-map small" style={{ left: left + 28 }}>
+      <span className="scene-map-name" title={facts} data-testid="map-name">
+        {version ? version.source : "No map"}
+      </span>
+      {version?.synthetic_detail && (
+        <span
+          className="scene-tag"
+          data-testid="map-synthetic"
+          title="Detail of this ground was generated, not measured"
+        >
+          synthetic detail
+        </span>
+      )}
+      <button
+        type="button"
+        className="button bare"
+        data-testid="import-open"
+        onClick={() => useView.setState({ importOpen: true })}
+      >
+        <Mountain size={14} aria-hidden /> New map
+      </button>
+    </div>
+  );
+}
+
 function SceneNotes({
+  left,
   right,
   cues,
 }: {
+  left: number;
   right: number;
   cues: React.RefObject<SVGSVGElement | null>;
 }) {
@@ -133,7 +170,7 @@ function SceneNotes({
         </svg>
       </div>
       <Overhead />
-      <Poses />
+      <Poses left={left} />
     </>
   );
 }
@@ -161,13 +198,13 @@ function Overhead() {
 }
 
 /** Names the poses that are shown beside each other: past, present guess, plan. */
-function Poses() {
+function Poses({ left }: { left: number }) {
   const planned = usePlan((s) => (s.plan?.waypoints.length ?? 0) > 0);
   const predicted = useView((s) => s.predicted);
   const { age_s } = useFreshness();
   if (!planned && !predicted) return null;
   return (
-    <ul className="scene-poses small">
+    <ul className="scene-poses small" style={{ left: left + 28 }}>
       <li>
         <i className="pose-reported" aria-hidden />
         reported {age_s === null ? "" : `${formatSpan(age_s)} ago`}
