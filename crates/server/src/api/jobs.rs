@@ -1,4 +1,4 @@
-//! Long work.
+//! Long work: asked for, watched, cancelled.
 
 use axum::Json;
 use axum::extract::State;

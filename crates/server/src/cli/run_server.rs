@@ -127,14 +127,19 @@ fn mission(args: &ServeArgs) -> Result<Mission, Failure> {
     Ok(Mission { config, root, place_m })
 }
 
-/// The configured rover at another scale, its payload's lengths with it: masses stay, as those of
-/// the robot do.
+/// The configured rover at another scale, with the lengths of its payload and of its foot: masses
+/// stay, as those of the robot do.
 fn rescale(config: &mut Config, scale: f64) -> Result<(), Failure> {
     check::within(&At::root("--scale"), scale, [0.001, 1000.0], "")?;
-    let rover = &mut config.rover;
+    let (rover, foot) = (&mut config.rover, &mut config.traversability);
     let factor = scale / rover.scale;
     rover.scale = scale;
     for length in [
+        &mut foot.footprint_m,
+        &mut foot.roughness_lo_m,
+        &mut foot.roughness_hi_m,
+        &mut foot.step_lo_m,
+        &mut foot.step_hi_m,
         &mut rover.payload_x_m,
         &mut rover.payload_y_m,
         &mut rover.payload_z_m,
