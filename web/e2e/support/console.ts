@@ -9,6 +9,8 @@ import { Watch } from "./watch";
 
 export { expect };
 
+const WHEEL_RADIUS_M = 0.264;
+
 export class Console {
   constructor(
     readonly page: Page,
@@ -49,6 +51,13 @@ export class Console {
       },
       [leg, dx, dy] as const,
     );
+  }
+
+  /** Between a standing wheel's lowest point and the ground as drawn (m). */
+  async gapBelow(leg: string): Promise<number> {
+    const ground = await this.groundBeside(leg, 0, 0);
+    const wheel = (await this.wheel(leg))!;
+    return Math.abs(wheel[2] - ground[2] - WHEEL_RADIUS_M);
   }
 
   /** Clicks the canvas where a point of the world is drawn. */

@@ -32,6 +32,7 @@ export type Picked = { kind: "leg"; leg: string } | { kind: "ground"; point: Vec
 const SKY = "#0b1016";
 /** Data does not redraw more often than this; the operator's own hand does. */
 const DATA_FRAME_MS = 66;
+const JUMP_M = 0.5;
 
 export class Viewer {
   readonly stance = new StanceView();
@@ -130,6 +131,10 @@ export class Viewer {
   }
 
   setState(state: RoverState): void {
+    // Legs carry the rover by less between two frames: it was set down elsewhere.
+    if (this.state && distance(this.state.base.position_m, state.base.position_m) > JUMP_M) {
+      this.fitted = false;
+    }
     this.state = state;
     this.robot?.setState(state);
     const [x, y, z] = state.base.position_m;

@@ -19,15 +19,18 @@ export function Dialog({ label, testId, className = "", onClose, children }: Pro
       if (before instanceof HTMLElement) before.focus({ preventScroll: true });
     };
   }, []);
+  // On the whole document: a button that was pressed and then disabled leaves the focus nowhere.
+  useEffect(() => {
+    const onKey = (event: KeyboardEvent) => {
+      if (event.key === "Escape") onClose();
+    };
+    document.addEventListener("keydown", onKey);
+    return () => document.removeEventListener("keydown", onKey);
+  }, [onClose]);
   return (
     <div
       className="dialog-back"
       onPointerDown={(event) => event.target === event.currentTarget && onClose()}
-      onKeyDown={(event) => {
-        if (event.key !== "Escape") return;
-        event.stopPropagation();
-        onClose();
-      }}
     >
       <dialog
         ref={dialog}

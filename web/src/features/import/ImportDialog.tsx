@@ -4,6 +4,7 @@ import { useState } from "react";
 
 import { api, ApiError, sentenceOf } from "../../api/client";
 import type { JobReport } from "../../api/types";
+import { capital } from "../../lib/format";
 import { followJob } from "../../store/console";
 import { useBlocked } from "../../store/permission";
 import { useView } from "../../store/view";
@@ -49,9 +50,9 @@ function NewMap() {
         </p>
       </header>
       <ImportFields draft={draft} change={(part) => setDraft({ ...draft, ...part })} />
-      {job && (
+      {running && (
         <section className="section stack" role="status">
-          <span className="quiet">{job.doing || job.state}</span>
+          <span className="quiet">{capital(job.doing || job.state)}…</span>
           <div className="bar">
             <span style={{ width: `${Math.round(job.progress * 100)}%` }} />
           </div>
@@ -63,7 +64,9 @@ function NewMap() {
         </p>
       )}
       <footer className="section row between">
-        <span className="quiet small">{typeof request === "string" ? request : blocked}</span>
+        <span className="quiet small" data-testid="import-says">
+          {typeof request === "string" ? request : blocked}
+        </span>
         <span className="row">
           <button
             type="button"

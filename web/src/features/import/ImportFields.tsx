@@ -105,7 +105,12 @@ function RecipeFields({ draft, change }: Props) {
           ))}
         </select>
       </label>
-      <Text label="Width (m)" value={draft.width} set={(width) => change({ width })} />
+      <Text
+        label="Width (m)"
+        value={draft.width}
+        set={(width) => change({ width })}
+        testId="import-width"
+      />
       <Text
         label="Resolution (m)"
         value={draft.resolution}
@@ -172,6 +177,7 @@ function FileFields({ draft, change }: Props) {
       <label className="check import-wide">
         <input
           type="checkbox"
+          data-testid="import-crop"
           checked={draft.crop}
           onChange={(event) => change({ crop: event.target.checked })}
         />
@@ -183,6 +189,7 @@ function FileFields({ draft, change }: Props) {
             label="Side (m)"
             value={draft.cropWidth}
             set={(cropWidth) => change({ cropWidth })}
+            testId="import-crop-width"
           />
           <span />
           <Text
@@ -213,6 +220,7 @@ function FileFields({ draft, change }: Props) {
           label="Resolution of the detail (m)"
           value={draft.detailResolution}
           set={(detailResolution) => change({ detailResolution })}
+          testId="import-detail-resolution"
         />
       )}
     </>

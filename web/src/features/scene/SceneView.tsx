@@ -78,7 +78,7 @@ export function SceneView({ left, right }: Props) {
 
 function NoWebGl() {
   return (
-    <div className="scene-missing">
+    <div className="scene-missing" data-testid="no-webgl">
       <strong>The 3-D picture needs WebGL 2, which this browser does not offer</strong>
       <p className="quiet">
         Telemetry, plans, commands and E-stop work without it. Places can be picked with the arrow
