@@ -33,7 +33,7 @@ test("an armed command can be taken back, and a stop ends what runs", async ({ o
   await server.setDelay(0.2);
   await ops.page.keyboard.press("5");
   await ops.at("tab-hand").click();
-  await ops.at("line-up").fill("0.30");
+  await ops.at("line-up").fill("0.60");
   await ops.at("hand-line").click();
   await ops.at("hand-arm").click();
   await expect(ops.at("take-back")).toBeFocused();

@@ -55,7 +55,7 @@ export function causesOf({ connection, model, channels, stale }: Situation): Cau
 }
 
 function torque(joint: string, ratio: number): string {
-  return `Torque of ${joint.replaceAll("_", " ")} is ${percent(ratio)} of its limit`;
+  return `Torque of ${readable(joint)} is ${percent(ratio)} of its limit`;
 }
 
 function rank(status: Status): number {

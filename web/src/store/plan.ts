@@ -77,18 +77,18 @@ useSelection.subscribe((now, before) => {
   if (!begun || done) dropPlan();
 });
 
-/** When the step is done the preview stands at its end, beside what was reached. */
+/** When a command is done the preview goes to its end: beside what was reached. */
 useConsole.subscribe((now, before) => {
   const { plan } = usePlan.getState();
   const commands = now.stream.live.commands;
   if (!plan || plan.commands.length === 0 || commands === before.stream.live.commands) return;
-  const records = ofPlan(commands, plan.id, plan.commands.length);
-  const was = ofPlan(before.stream.live.commands, plan.id, plan.commands.length);
-  const done = (of: typeof records) => of.every((r) => r?.state === "done");
-  if (done(records) && !done(was)) {
-    stopPlaying();
-    set({ at_s: planDuration(plan) });
-  }
+  const done = (of: typeof commands) =>
+    ofPlan(of, plan.id, plan.commands.length).findLastIndex((r) => r?.state === "done");
+  const last = done(commands);
+  if (last <= done(before.stream.live.commands)) return;
+  stopPlaying();
+  const phase = plan.commands[last]!.phase;
+  set({ at_s: plan.waypoints.findLast((w) => w.phase === phase)?.time_s ?? planDuration(plan) });
 });
 
 export function planDuration(plan: PlanAnswer): number {

@@ -120,6 +120,11 @@ function RecipeFields({ draft, change }: Props) {
   );
 }
 
+/** The server takes plain names only. */
+function plainName(name: string): string {
+  return name.replace(/[^A-Za-z0-9._-]+/g, "_").slice(-64);
+}
+
 function FileFields({ draft, change }: Props) {
   const [files, setFiles] = useState<TerrainFiles["files"] | null>(null);
   const [note, setNote] = useState<string | null>(null);
@@ -134,12 +139,13 @@ function FileFields({ draft, change }: Props) {
   useEffect(() => void refresh(), [refresh]);
 
   const upload = async (file: File) => {
-    setNote(`Uploading ${file.name}…`);
+    const name = plainName(file.name);
+    setNote(`Uploading ${file.name}, ${fileSize(file.size)}…`);
     try {
-      await api.putTerrainFile(file.name, file);
+      await api.putTerrainFile(name, file);
       setNote(null);
       await refresh();
-      change({ file: file.name });
+      change({ file: name });
     } catch (error) {
       setNote(sentenceOf(error));
     }
@@ -163,9 +169,10 @@ function FileFields({ draft, change }: Props) {
         </select>
       </label>
       <label className="field import-wide">
-        Or upload one (GeoTIFF, PDS3 .IMG, OFF, OBJ, PNG with JSON)
+        Or upload one: a GeoTIFF of heights (.tif) or a mesh (.off)
         <input
           type="file"
+          accept=".tif,.tiff,.off"
           data-testid="import-upload"
           onChange={(event) => {
             const file = event.target.files?.[0];

@@ -6,7 +6,7 @@ import { useEffect, useRef } from "react";
 import type { CommandRecord } from "../../api/types";
 import { commandClock, isOpen, isUnderWay } from "../../lib/commandClock";
 import { legLabel, readable } from "../../lib/format";
-import { STAGES, type Step, stepOf } from "../../lib/step";
+import { type Stage, STAGES, type Step, stepOf } from "../../lib/step";
 import { formatSpan } from "../../lib/time";
 import { ofPlan, sendArmed, takeBack, useRequests } from "../../store/commands";
 import { useLive } from "../../store/console";
@@ -14,6 +14,7 @@ import { useServerNow } from "../../store/now";
 import { useBlocked } from "../../store/permission";
 import { usePlan } from "../../store/plan";
 import { useSelection } from "../../store/selection";
+import { type RightTab, useView } from "../../store/view";
 import { Ring } from "../../ui/Ring";
 import "./step-strip.css";
 
@@ -63,8 +64,30 @@ export function StepStrip() {
           </div>
         )}
       </div>
+      {!armed && step.yours && <WayToAct stage={step.stage} />}
       {armed && <SendArmed key={armed.id} command={armed} now={now} />}
     </section>
+  );
+}
+
+/** Stages whose control is in a panel; that of sending is in the strip itself. */
+const IN_A_PANEL: Stage[] = ["plan", "check", "arm"];
+
+/** Where the panel with the next control is not open, the way to it. */
+function WayToAct({ stage }: { stage: Stage }) {
+  const { tab, rightOpen } = useView();
+  const byHand = useLive((c) => c.commands.some((k) => !k.plan && isOpen(k.state)));
+  const wanted: RightTab = byHand ? "hand" : "step";
+  if (!IN_A_PANEL.includes(stage) || (rightOpen && tab === wanted)) return null;
+  return (
+    <button
+      type="button"
+      className="button"
+      data-testid="way-to-act"
+      onClick={() => useView.setState({ tab: wanted, rightOpen: true })}
+    >
+      {byHand ? "Open By hand" : "Open Step"}
+    </button>
   );
 }
 

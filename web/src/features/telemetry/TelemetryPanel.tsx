@@ -1,6 +1,6 @@
 // The rover in figures: contact, force and torque of each leg against the limits.
 
-import { legLabel, newtons, percent } from "../../lib/format";
+import { legLabel, newtons, percent, readable } from "../../lib/format";
 import { useChannels, useConsole } from "../../store/console";
 import { LimitBar } from "../../ui/LimitBar";
 import { StatusMark } from "../../ui/StatusMark";
@@ -60,7 +60,7 @@ export function TelemetryPanel() {
       </section>
       {stability && (
         <section className="section small quiet">
-          Largest torque: {stability.torque_joint.replaceAll("_", " ")}{" "}
+          Largest torque: {readable(stability.torque_joint)}{" "}
           <span className="num">{percent(stability.torque_ratio)}</span>
         </section>
       )}
