@@ -133,7 +133,9 @@ function showStance(viewer: Viewer, channels: Channels, needed_m: number, unit_n
   const stability = channels.stability?.message ?? null;
   const margin = stability?.regular?.margin_m ?? -1;
   const edge = margin < 0 ? "out" : margin < needed_m ? "low" : "good";
-  viewer.stance.setPolygons(view.polygons ? stability : null, viewer.raster, EDGE_COLORS[edge]);
+  // The store's raster, for the viewer's may still be that of the map before.
+  const { raster } = useTerrain.getState();
+  viewer.stance.setPolygons(view.polygons ? stability : null, raster, EDGE_COLORS[edge]);
   viewer.stance.setForces(view.forces ? (channels.rover?.message ?? null) : null, unit_n);
   viewer.robot?.setTorques(view.torqueColors ? (stability?.torque_ratios ?? null) : null);
   viewer.invalidate();
