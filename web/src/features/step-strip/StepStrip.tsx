@@ -36,7 +36,10 @@ function useStep(): { step: Step; armed: CommandRecord | null; now: number } {
 }
 
 export function StepStrip() {
-  const { step, armed, now } = useStep();
+  const { step: asked, armed, now } = useStep();
+  const blocked = useBlocked();
+  // Nothing is asked of the operator that the console would then refuse.
+  const step = asked.yours && blocked ? { ...asked, trouble: true, sentence: blocked } : asked;
   const at = STAGES.indexOf(step.stage);
   return (
     <section className="strip" aria-label="The step">
@@ -64,7 +67,7 @@ export function StepStrip() {
           </div>
         )}
       </div>
-      {!armed && step.yours && <WayToAct stage={step.stage} />}
+      {!armed && step.yours && !blocked && <WayToAct stage={step.stage} />}
       {armed && <SendArmed key={armed.id} command={armed} now={now} />}
     </section>
   );
