@@ -44,7 +44,7 @@ test: tools packages console $(VENV)/mcap-$(MCAP_PYTHON) ## Run all tests, those
 	@rm -f target/skipped-tests.txt
 	FOOTFALL_PYTHON=$(CURDIR)/$(VENV)/bin/python cargo test --workspace --locked
 	cd web && npm test
-	.ci/browser-tests.sh
+	cd web && CHROMIUM="$${CHROMIUM:-$$(command -v chromium)}" npm run e2e
 	@if [ -s target/skipped-tests.txt ]; then \
 		sort -u target/skipped-tests.txt; \
 		echo "All tests passed; $$(sort -u target/skipped-tests.txt | wc -l) were skipped, as listed above."; \

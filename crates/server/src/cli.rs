@@ -130,6 +130,8 @@ impl Output {
 
     fn failure(self, failure: &Failure) -> ExitCode {
         let (status, info) = match failure {
+            // Out of time is an answer: not yes.
+            Failure::Input(error) if error.code == "deadline" => (1, error.info()),
             Failure::Input(error) => (2, error.info()),
             Failure::Fault(message) => (3, RequestError::new("internal", message.as_str()).info()),
         };

@@ -80,18 +80,17 @@ fn import(
         "new map: {}; the rover stands {:.2} m from the wished place, margin {:.2} m",
         notice.source, settled.moved_m, settled.margin_m
     );
-    let version = {
-        let (mut ground, now) = app.live.locked();
-        ground.replace_rover(now, who, Box::new(SimAdapter::new(now, rover)))?;
-        let version = app.store.put(map, now);
-        ground.publish(now, channel::TERRAIN, &notice);
-        ground.notice(now, EventLevel::Info, who, &text);
-        version
-    };
-    job.progress(0.9, "judges the ground");
+    job.progress(0.8, "judges the ground");
+    let version = app.store.prepare(map, app.clock.now());
+    job.stop().check()?;
+    let (mut ground, now) = app.live.locked();
+    ground.replace_rover(now, who, Box::new(SimAdapter::new(now, rover)))?;
     if let Err(error) = version.layers() {
-        // The map is in use all the same; tiles of traversability will say this again.
-        app.live.notice(EventLevel::Caution, "server", &error.message);
+        let text = format!("the map has no traversability: {error}");
+        ground.notice(now, EventLevel::Caution, "server", &text);
     }
+    app.store.put(version);
+    ground.publish(now, channel::TERRAIN, &notice);
+    ground.notice(now, EventLevel::Info, who, &text);
     Ok("/api/v1/terrain/versions".into())
 }

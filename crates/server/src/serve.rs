@@ -148,7 +148,9 @@ impl Server {
             limits,
             config.server.terrain_versions_max,
         ));
-        store.current().layers()?;
+        if let Err(error) = store.current().layers() {
+            tracing::warn!("the map has no traversability: {error}; crop it or add detail");
+        }
         let folder = FileRoot::Folder(config.server.terrain_dir.clone());
         let terrains = Arc::new(Terrains::new(folder, Some(store.clone())));
         let live = live(&config, place_m, &robots, &map, clock.clone())?;

@@ -1,6 +1,6 @@
 //! The versions of the server's own map. A version never changes; its name is its content's hash.
 
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use nalgebra::Point2;
 use terrain::traversability::{self, Layers, Limits};
@@ -10,7 +10,7 @@ use wire::resources::{CellAnswer, TerrainVersion, TerrainVersions};
 use wire::tile::{Format, Header, TILE_CELLS};
 use wire::time::Timestamp;
 
-use crate::terrains::terrain_error;
+use crate::terrains::{SERVED_NODES_MAX, terrain_error};
 
 /// The layers that tiles are made of: the heights, and those of traversability.
 pub const LAYERS: [&str; 7] =
@@ -24,7 +24,7 @@ pub struct Version {
     pub map: ElevationMap,
     footprint_m: f64,
     limits: Limits,
-    layers: OnceLock<Result<Layers, TerrainError>>,
+    layers: Result<Layers, TerrainError>,
 }
 
 /// The versions that are kept.
@@ -55,14 +55,17 @@ impl TerrainStore {
         }
     }
 
-    /// Makes `map` the one in use.
-    pub fn put(&self, map: ElevationMap, now: Timestamp) -> Arc<Version> {
-        let version = Arc::new(Version::new(map, now, self.footprint_m, self.limits));
+    /// Judges a map, to be put in use.
+    pub fn prepare(&self, map: ElevationMap, now: Timestamp) -> Arc<Version> {
+        Arc::new(Version::new(map, now, self.footprint_m, self.limits))
+    }
+
+    /// Makes a version the one in use.
+    pub fn put(&self, version: Arc<Version>) {
         let mut versions = self.locked();
         versions.retain(|other| other.info.version != version.info.version);
-        versions.insert(0, version.clone());
+        versions.insert(0, version);
         versions.truncate(self.most);
-        version
     }
 
     /// The version in use.
@@ -95,6 +98,18 @@ impl TerrainStore {
     }
 }
 
+/// Traversability of a whole map, unless it would take too many cells.
+fn judge(map: &ElevationMap, footprint_m: f64, limits: &Limits) -> Result<Layers, TerrainError> {
+    // Cells coarser than a ninth of the foot are resampled.
+    let finer = (9.0 * map.grid().resolution / footprint_m).max(1.0);
+    let n_nodes = map.grid().len() as f64 * finer * finer;
+    if n_nodes > SERVED_NODES_MAX as f64 {
+        let (n_nodes, max_nodes) = (n_nodes as u64, SERVED_NODES_MAX as u64);
+        return Err(TerrainError::TooManyNodes { n_nodes, max_nodes });
+    }
+    traversability::traversability(map, footprint_m, limits)
+}
+
 /// A map's name: its content's hash.
 pub fn version_name(map: &ElevationMap) -> String {
     format!("{:016x}", map.version_hash())
@@ -110,6 +125,7 @@ impl Version {
         }
         let z_range_m = if n_known == 0 { [0.0; 2] } else { [low.into(), high.into()] };
         let tiles = |n: usize| n.saturating_sub(1).div_ceil(TILE_CELLS).max(1);
+        let layers = judge(&map, footprint_m, &limits);
         let info = TerrainVersion {
             version: version_name(&map),
             source: source_text(&map),
@@ -122,19 +138,17 @@ impl Version {
             known_share: n_known as f64 / grid.len().max(1) as f64,
             frame_offset_m: map.frame_offset().into(),
             tiles: [tiles(grid.nx), tiles(grid.ny)],
-            layers: LAYERS.map(String::from).into(),
+            layers: if layers.is_ok() { &LAYERS[..] } else { &LAYERS[..1] }
+                .iter()
+                .map(|name| (*name).to_owned())
+                .collect(),
         };
-        Version { info, map, footprint_m, limits, layers: OnceLock::new() }
+        Version { info, map, footprint_m, limits, layers }
     }
 
-    /// Traversability of the whole map; the first call computes it.
+    /// Traversability of the whole map, or why there is none.
     pub fn layers(&self) -> Result<&Layers, RequestError> {
-        self.layers
-            .get_or_init(|| {
-                traversability::traversability(&self.map, self.footprint_m, &self.limits)
-            })
-            .as_ref()
-            .map_err(|error| terrain_error(&At::root("traversability"), error))
+        self.layers.as_ref().map_err(|error| terrain_error(&At::root("traversability"), error))
     }
 
     /// A tile of a layer, as `wire::tile` says; `None` if there is no such layer or tile. Layers
@@ -189,13 +203,13 @@ impl Version {
     }
 
     /// Everything known of the cell at a place.
-    pub fn cell(&self, x_m: f64, y_m: f64) -> Result<CellAnswer, RequestError> {
+    pub fn cell(&self, x_m: f64, y_m: f64) -> CellAnswer {
         let p = Point2::new(x_m, y_m);
-        let at = At::root("traversability");
+        // Where the map is too coarse for the foot there is only its height to tell.
         let cell = traversability::explain_cell(&self.map, p, self.footprint_m, &self.limits)
-            .map_err(|error| terrain_error(&at, &error))?;
+            .unwrap_or(None);
         let height_m = self.map.height_at(p);
-        Ok(CellAnswer {
+        CellAnswer {
             position_m: [x_m, y_m],
             height_m,
             normal: cell.as_ref().and_then(|c| c.normal).map(|n| [n.x, n.y, n.z]),
@@ -205,7 +219,7 @@ impl Version {
             goodness: cell.as_ref().and_then(|c| c.goodness),
             certainty: cell.as_ref().map(|c| c.certainty),
             class: cell.map_or(traversability::UNKNOWN, |c| c.class),
-        })
+        }
     }
 
     /// The heights and, where they lie on the same grid, the layers of traversability, as GeoTIFF.
@@ -267,10 +281,12 @@ mod tests {
         let store = store(20, 20);
         let first = store.current();
         let plane = ElevationMap::plane(2.0, 0.1).unwrap();
-        let second = store.put(plane.clone(), Timestamp(6));
-        assert_eq!(store.put(plane, Timestamp(7)).info.version, second.info.version);
+        let second = store.prepare(plane.clone(), Timestamp(6));
+        store.put(second.clone());
+        store.put(store.prepare(plane, Timestamp(7)));
         assert_eq!(store.list().versions.len(), 2);
-        store.put(ElevationMap::plane(3.0, 0.1).unwrap(), Timestamp(8));
+        assert_eq!(store.list().current, second.info.version);
+        store.put(store.prepare(ElevationMap::plane(3.0, 0.1).unwrap(), Timestamp(8)));
         let at = At::root("version");
         assert!(store.get(&at, &second.info.version).is_ok());
         let gone = store.get(&at, &first.info.version).err().unwrap();

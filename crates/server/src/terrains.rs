@@ -16,6 +16,8 @@ use crate::terrain_store::TerrainStore;
 
 /// Largest terrain file that is read (bytes).
 pub const FILE_BYTES_MAX: u64 = 256 << 20;
+/// Most nodes of a file that the server reads; larger ones are to be cropped.
+pub const SERVED_NODES_MAX: usize = 16_000_000;
 /// Maps of files and recipes kept in memory for the next request.
 const CACHE_MAPS: usize = 4;
 /// Most nodes of the maps kept, so that a few large ones do not fill the memory.
@@ -102,7 +104,11 @@ impl Terrains {
             },
             width_m: crop.width_m,
         });
-        let options = ReadOptions { crop, ..ReadOptions::default() };
+        let max_nodes = match self.root {
+            FileRoot::Folder(_) => SERVED_NODES_MAX,
+            FileRoot::Relative(_) => terrain::MAX_NODES,
+        };
+        let options = ReadOptions { crop, max_nodes };
         terrain::formats::read_named(&short_name(file), &bytes, &options)
             .map_err(|error| terrain_error(at, &error))
     }

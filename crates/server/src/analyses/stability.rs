@@ -12,10 +12,27 @@ use wire::check::{self, At, RequestError};
 use wire::convert;
 use wire::live::{PolygonAnswer, RegionKind, RoverTelemetry, StabilityDerived};
 
+use crate::scene::Context;
 use crate::stop::Stop;
 
+/// Gravity where neither case nor scene says it: the Moon's (m/s²).
+const GRAVITY_M_S2: f64 = 1.62;
+
 /// Polygons, margins and loads of each stance.
-pub fn stability(request: &StabilityRequest, stop: &Stop) -> Result<StabilityAnswer, RequestError> {
+pub fn stability(
+    context: &Context,
+    request: &StabilityRequest,
+    stop: &Stop,
+) -> Result<StabilityAnswer, RequestError> {
+    let at = At::root("scene");
+    let gravity = match &request.scene {
+        Some(scene) => {
+            // What the scene says of the robot is checked, although only gravity is used so far.
+            context.robot(&at, scene)?;
+            scene.gravity_m_s2.unwrap_or(GRAVITY_M_S2)
+        }
+        None => GRAVITY_M_S2,
+    };
     let at = At::root("cases");
     check::at_most(&at, request.cases.len(), CASES_MAX)?;
     let mut cases = Vec::with_capacity(request.cases.len());
@@ -23,12 +40,12 @@ pub fn stability(request: &StabilityRequest, stop: &Stop) -> Result<StabilityAns
         if i % 64 == 0 {
             stop.check()?;
         }
-        cases.push(of_case(&at.index(i), case)?);
+        cases.push(of_case(&at.index(i), case, gravity)?);
     }
     Ok(StabilityAnswer { cases })
 }
 
-fn of_case(at: &At<'_>, case: &StabilityCase) -> Result<CaseStability, RequestError> {
+fn of_case(at: &At<'_>, case: &StabilityCase, gravity: f64) -> Result<CaseStability, RequestError> {
     let at_contacts = at.field("contacts");
     check::at_most(&at_contacts, case.contacts.len(), CONTACTS_MAX)?;
     let (mut points, mut inclinations) = (Vec::new(), Vec::new());
@@ -40,8 +57,8 @@ fn of_case(at: &At<'_>, case: &StabilityCase) -> Result<CaseStability, RequestEr
         inclinations.push((normal.z.clamp(-1.0, 1.0).acos(), friction.atan()));
     }
     let com = Point3::from(check::position(&at.field("com_m"), case.com_m)?);
-    let gravity = [0.01, 100.0];
-    let gravity = check::within(&at.field("gravity_m_s2"), case.gravity_m_s2, gravity, " m/s²")?;
+    let gravity = case.gravity_m_s2.unwrap_or(gravity);
+    let gravity = check::within(&at.field("gravity_m_s2"), gravity, [0.01, 100.0], " m/s²")?;
     check::within(&at.field("cone_edges"), f64::from(case.cone_edges), [3.0, 64.0], "")?;
     if let Some(mass) = case.mass_kg {
         check::within(&at.field("mass_kg"), mass, [1e-6, 1e9], " kg")?;
@@ -219,14 +236,13 @@ mod tests {
             contacts: (0..6).map(contact).collect(),
             com_m: [0.0, 0.0, 1.0],
             mass_kg: Some(600.0),
-            gravity_m_s2: 1.0,
+            gravity_m_s2: Some(1.0),
             cone_edges: 8,
         }
     }
 
     fn answer(case: StabilityCase) -> CaseStability {
-        let stop = Stop::after(None).unwrap();
-        stability(&StabilityRequest { cases: vec![case] }, &stop).unwrap().cases.remove(0)
+        of_case(&At::root("case"), &case, GRAVITY_M_S2).unwrap()
     }
 
     #[test]

@@ -12,6 +12,9 @@ use crate::scene::Context;
 use crate::stop::Stop;
 use crate::terrains::terrain_error;
 
+/// Most cells of an answer that is not a file.
+const ANSWER_CELLS_MAX: usize = 4_000_000;
+
 /// The layers, before they are encoded.
 pub struct Judged(Layers);
 
@@ -56,11 +59,12 @@ impl Judged {
         }
     }
 
-    /// As JSON has it.
-    pub fn to_answer(&self) -> TraversabilityAnswer {
+    /// As JSON has it; refused where it would be too large.
+    pub fn to_answer(&self) -> Result<TraversabilityAnswer, RequestError> {
+        self.check_size()?;
         let layers = &self.0;
         let text = |layer: &Raster<f32>| Some(base64_f32(layer.values()));
-        TraversabilityAnswer {
+        Ok(TraversabilityAnswer {
             slope_rad: text(&layers.slope_rad),
             roughness_m: text(&layers.roughness_m),
             step_m: text(&layers.step_m),
@@ -68,11 +72,24 @@ impl Judged {
             certainty: text(&layers.certainty),
             class: Some(base64_bytes(layers.class.values())),
             ..self.summary()
+        })
+    }
+
+    fn check_size(&self) -> Result<(), RequestError> {
+        let n_cells = self.0.class.grid().len();
+        if n_cells <= ANSWER_CELLS_MAX {
+            return Ok(());
         }
+        let text = format_args!(
+            "has {n_cells} cells to judge; an answer holds {ANSWER_CELLS_MAX}, so crop it, take a \
+             larger footprint, or write a file with `footfall traversability --out`"
+        );
+        Err(RequestError::at("too_many", &At::root("terrain"), text))
     }
 
     /// As planes of f32 behind a header of `wire::tile`, in the order of the layers.
-    pub fn to_binary(&self) -> Vec<u8> {
+    pub fn to_binary(&self) -> Result<Vec<u8>, RequestError> {
+        self.check_size()?;
         let grid = self.0.class.grid();
         let header = Header {
             format: Format::F32,
@@ -88,7 +105,7 @@ impl Judged {
         for layer in self.bands() {
             out.extend(layer.values().iter().flat_map(|value| value.to_le_bytes()));
         }
-        out
+        Ok(out)
     }
 
     /// As the bands of one GeoTIFF.

@@ -64,8 +64,9 @@ async fn kinematics(
     State(app): State<AppState>,
     Body(request): Body<KinematicsRequest>,
 ) -> Result<Json<KinematicsAnswer>, ApiError> {
+    let deadline_s = request.deadline_s;
     let work = move |context: &Context, stop: &Stop| analyses::kinematics(context, &request, stop);
-    compute(&app, None, work).await.map(Json)
+    compute(&app, deadline_s, work).await.map(Json)
 }
 
 /// All branches of a leg for each wheel pose, or why there is none.
@@ -78,9 +79,10 @@ async fn inverse_kinematics(
     State(app): State<AppState>,
     Body(request): Body<InverseKinematicsRequest>,
 ) -> Result<Json<InverseKinematicsAnswer>, ApiError> {
+    let deadline_s = request.deadline_s;
     let work =
         move |context: &Context, stop: &Stop| analyses::inverse_kinematics(context, &request, stop);
-    compute(&app, None, work).await.map(Json)
+    compute(&app, deadline_s, work).await.map(Json)
 }
 
 /// Support polygons, margins and loads of stances given by their contacts.
@@ -92,7 +94,9 @@ async fn stability(
     State(app): State<AppState>,
     Body(request): Body<StabilityRequest>,
 ) -> Result<Json<StabilityAnswer>, ApiError> {
-    compute(&app, None, move |_, stop| analyses::stability(&request, stop)).await.map(Json)
+    let deadline_s = request.deadline_s;
+    let work = move |context: &Context, stop: &Stop| analyses::stability(context, &request, stop);
+    compute(&app, deadline_s, work).await.map(Json)
 }
 
 /// Where legs can stand, and why not elsewhere. With `Accept: application/octet-stream` the grids
@@ -142,7 +146,7 @@ async fn traversability(
     let (deadline_s, in_binary) = (request.deadline_s, wants_binary(&headers));
     let work = move |context: &Context, stop: &Stop| {
         let judged = analyses::traversability(context, &request, stop)?;
-        Ok(if in_binary { Err(judged.to_binary()) } else { Ok(judged.to_answer()) })
+        Ok(if in_binary { Err(judged.to_binary()?) } else { Ok(judged.to_answer()?) })
     };
     Ok(match compute(&app, deadline_s, work).await? {
         Ok(answer) => Json(answer).into_response(),

@@ -1,5 +1,7 @@
 //! The map: its versions, tiles and cells, and what can be imported.
 
+use std::path::PathBuf;
+
 use axum::Json;
 use axum::extract::State;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
@@ -25,7 +27,7 @@ pub fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(tile))
         .routes(routes!(cell))
         .routes(routes!(export))
-        .routes(routes!(files))
+        .routes(routes!(list))
         .routes(routes!(import_terrain))
 }
 
@@ -114,7 +116,7 @@ async fn cell(
     for (name, value) in [("x_m", place.x_m), ("y_m", place.y_m)] {
         check::within(&At::root(name), value, [-COORDINATE_MAX_M, COORDINATE_MAX_M], " m")?;
     }
-    Ok(Json(version.cell(place.x_m, place.y_m)?))
+    Ok(Json(version.cell(place.x_m, place.y_m)))
 }
 
 /// A version of the map as GeoTIFF (heights, float32, local meters).
@@ -145,8 +147,13 @@ async fn export(
     get, path = "/terrain/files", tag = "terrain",
     responses((status = 200, body = TerrainFiles))
 )]
-async fn files(State(app): State<AppState>) -> Result<Json<TerrainFiles>, ApiError> {
-    let folder = app.config.server.terrain_dir.clone();
+async fn list(State(app): State<AppState>) -> Result<Json<TerrainFiles>, ApiError> {
+    let files = files(app.config.server.terrain_dir.clone()).await?;
+    Ok(Json(TerrainFiles { files }))
+}
+
+/// The files of the terrain folder, by name.
+pub(super) async fn files(folder: PathBuf) -> Result<Vec<TerrainFile>, ApiError> {
     let list = move || {
         let mut files: Vec<TerrainFile> = std::fs::read_dir(folder)
             .into_iter()
@@ -161,10 +168,9 @@ async fn files(State(app): State<AppState>) -> Result<Json<TerrainFiles>, ApiErr
         files.sort_by(|a, b| a.name.cmp(&b.name));
         files
     };
-    let files = tokio::task::spawn_blocking(list)
+    tokio::task::spawn_blocking(list)
         .await
-        .map_err(|error| ApiError::internal("listing the files", error))?;
-    Ok(Json(TerrainFiles { files }))
+        .map_err(|error| ApiError::internal("listing the files", error))
 }
 
 /// Makes a new map from a file or a recipe and seats the simulated rover on it: only while the

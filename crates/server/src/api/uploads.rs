@@ -19,6 +19,9 @@ use crate::body::Path;
 use crate::error::ApiError;
 use crate::terrains::FILE_BYTES_MAX;
 
+/// Most files of the terrain folder.
+const FILES_MAX: usize = 100;
+
 pub fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new().routes(routes!(put_file)).routes(routes!(download))
 }
@@ -60,6 +63,12 @@ async fn put_file(
     let storage = |error: std::io::Error| ApiError::internal("writing the file", error);
     let folder = &app.config.server.terrain_dir;
     tokio::fs::create_dir_all(folder).await.map_err(storage)?;
+    let others = super::terrain::files(folder.clone()).await?;
+    if others.len() >= FILES_MAX && others.iter().all(|file| file.name != name) {
+        let message =
+            format!("the terrain folder holds {FILES_MAX} files; remove some there first");
+        return Err(ApiError::new("too_many", message));
+    }
     let temporary = folder.join(format!(".upload-{}", uuid::Uuid::now_v7()));
     let mut file = tokio::fs::File::create_new(&temporary).await.map_err(storage)?;
     let mut unfinished = Unfinished(Some(temporary.clone()));

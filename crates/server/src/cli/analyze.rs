@@ -150,8 +150,9 @@ pub(super) fn plan(args: &RequestArgs, output: Output) -> Result<Verdict, Failur
 
 pub(super) fn stability(args: &RequestArgs, output: Output) -> Result<Verdict, Failure> {
     let request: StabilityRequest = read(&args.request)?;
-    answer(args, output, |_| {
-        let answer = analyses::stability(&request, &Stop::after(None)?)?;
+    answer(args, output, |context| {
+        let stop = Stop::after(request.deadline_s)?;
+        let answer = analyses::stability(context, &request, &stop)?;
         let yes = answer.cases.is_empty() || answer.cases.iter().any(|case| case.stable);
         Ok((answer, verdict(yes)))
     })
@@ -160,14 +161,16 @@ pub(super) fn stability(args: &RequestArgs, output: Output) -> Result<Verdict, F
 pub(super) fn kinematics(args: &RequestArgs, output: Output) -> Result<Verdict, Failure> {
     let request: KinematicsRequest = read(&args.request)?;
     answer(args, output, |context| {
-        Ok((analyses::kinematics(context, &request, &Stop::after(None)?)?, Verdict::Done))
+        let stop = Stop::after(request.deadline_s)?;
+        Ok((analyses::kinematics(context, &request, &stop)?, Verdict::Done))
     })
 }
 
 pub(super) fn inverse_kinematics(args: &RequestArgs, output: Output) -> Result<Verdict, Failure> {
     let request: InverseKinematicsRequest = read(&args.request)?;
     answer(args, output, |context| {
-        let answer = analyses::inverse_kinematics(context, &request, &Stop::after(None)?)?;
+        let stop = Stop::after(request.deadline_s)?;
+        let answer = analyses::inverse_kinematics(context, &request, &stop)?;
         let targets = &answer.targets;
         let yes = targets.is_empty() || targets.iter().any(|t| !t.solutions.is_empty());
         Ok((answer, verdict(yes)))
@@ -194,7 +197,7 @@ pub(super) fn traversability(
     answer(&args.request, output, |context| {
         let stop = Stop::after(request.deadline_s)?;
         let judged = analyses::traversability(context, &request, &stop)?;
-        let Some(path) = &args.out else { return Ok((judged.to_answer(), Verdict::Done)) };
+        let Some(path) = &args.out else { return Ok((judged.to_answer()?, Verdict::Done)) };
         std::fs::write(path, judged.to_geotiff()?).map_err(|error| {
             let message = format!("the file {} cannot be written: {error}", path.display());
             RequestError::new("output_unwritable", message)

@@ -1,5 +1,6 @@
 //! `footfall serve`.
 
+use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -157,7 +158,11 @@ pub(super) fn serve(args: &ServeArgs, output: Output) -> Result<Verdict, Failure
     let address = serve::address(&mission.config)?;
     let filter = if output.quiet { "error" } else { "info,tower_http=warn" };
     let filter = EnvFilter::try_from_env("FOOTFALL_LOG").unwrap_or_else(|_| filter.into());
-    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_writer(std::io::stderr)
+        .init();
     let runtime = tokio::runtime::Runtime::new().map_err(|error| {
         Failure::Fault(format!("the program cannot start its threads: {error}"))
     })?;

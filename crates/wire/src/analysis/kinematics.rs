@@ -20,6 +20,12 @@ pub struct KinematicsRequest {
     /// `true` for the poses of all links, or the names of some; none where absent.
     #[serde(default)]
     pub links: Option<LinksWanted>,
+    /// Time allowed (s), 0.001 to 3600; 30 where absent.
+    #[serde(default)]
+    pub deadline_s: Option<f64>,
+    /// Work budget: taken by every request, without effect where all of the work is done anyway.
+    #[serde(default)]
+    pub budget: Option<u64>,
 }
 
 /// Which links' poses are wanted.
@@ -119,6 +125,12 @@ pub struct InverseKinematicsRequest {
     pub leg: String,
     /// Wheel poses. At most 10 000.
     pub targets: Vec<WheelTarget>,
+    /// Time allowed (s), 0.001 to 3600; 30 where absent.
+    #[serde(default)]
+    pub deadline_s: Option<f64>,
+    /// Work budget: taken by every request, without effect where all of the work is done anyway.
+    #[serde(default)]
+    pub budget: Option<u64>,
 }
 
 /// Where a wheel is to be: its center, and exactly one of `orientation_xyzw` and `axis`.

@@ -40,7 +40,7 @@ pub struct PlanRequest {
     /// Work budget: most milestones of the search, 2 to 1 000 000; 10 000 where absent.
     #[serde(default)]
     pub budget: Option<u64>,
-    /// Time allowed (s).
+    /// Time allowed (s), 0.001 to 3600; 30 where absent.
     #[serde(default)]
     pub deadline_s: Option<f64>,
     /// How the path is shortened.

@@ -50,9 +50,12 @@ pub struct ReachabilityRequest {
     /// What must hold while the leg is up.
     #[serde(default)]
     pub stability: StabilityPreference,
-    /// Time allowed (s).
+    /// Time allowed (s), 0.001 to 3600; 30 where absent.
     #[serde(default)]
     pub deadline_s: Option<f64>,
+    /// Work budget: taken by every request, without effect where all of the work is done anyway.
+    #[serde(default)]
+    pub budget: Option<u64>,
 }
 
 /// Which loss of support a step must survive.

@@ -4,13 +4,23 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::live::{PolygonAnswer, RegionKind};
+use crate::scene::Scene;
 
 /// `POST /analysis/stability`: polygons, margins and loads of each stance.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct StabilityRequest {
+    /// Robot and gravity; gravity is the default of every case.
+    #[serde(default)]
+    pub scene: Option<Scene>,
     /// The stances. At most 10 000.
     pub cases: Vec<StabilityCase>,
+    /// Time allowed (s), 0.001 to 3600; 30 where absent.
+    #[serde(default)]
+    pub deadline_s: Option<f64>,
+    /// Work budget: taken by every request, without effect where all of the work is done anyway.
+    #[serde(default)]
+    pub budget: Option<u64>,
 }
 
 /// A stance.
@@ -24,9 +34,9 @@ pub struct StabilityCase {
     /// Mass (kg), above zero; without it there are no forces in the answer.
     #[serde(default)]
     pub mass_kg: Option<f64>,
-    /// Gravity (m/s²) along -z, 0.01 to 100.
-    #[serde(default = "moon")]
-    pub gravity_m_s2: f64,
+    /// Gravity (m/s²) along -z, 0.01 to 100; that of the scene, else 1.62 where absent.
+    #[serde(default)]
+    pub gravity_m_s2: Option<f64>,
     /// Edges of a linearized friction cone, 3 to 64.
     #[serde(default = "eight")]
     pub cone_edges: u32,
@@ -44,10 +54,6 @@ pub struct StanceContact {
     /// Coefficient of friction, 0 to 10.
     #[serde(default = "regolith")]
     pub friction: f64,
-}
-
-fn moon() -> f64 {
-    1.62
 }
 
 fn eight() -> u32 {

@@ -23,9 +23,12 @@ pub struct TraversabilityRequest {
     /// Thresholds.
     #[serde(default)]
     pub limits: LimitsChange,
-    /// Time allowed (s).
+    /// Time allowed (s), 0.001 to 3600; 30 where absent.
     #[serde(default)]
     pub deadline_s: Option<f64>,
+    /// Work budget: taken by every request, without effect where all of the work is done anyway.
+    #[serde(default)]
+    pub budget: Option<u64>,
 }
 
 /// Changes to the default thresholds.
