@@ -10,6 +10,7 @@
 
 mod answer;
 pub mod check;
+mod failure;
 mod leg_space;
 pub mod line;
 pub mod sbl;

@@ -1,6 +1,6 @@
 //! One step of one leg: lift, transit, drop (F75, F76), and the verdict on it.
 
-use collision::{ContactZone, LegChecker, NoTouchdown, Scene, Touchdown, survey, touchdowns};
+use collision::{ContactZone, LegChecker, Scene, Survey, Touchdown, survey, touchdowns};
 use nalgebra::{Isometry3, Point3, Translation3};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -11,12 +11,13 @@ use crate::answer::{
     Footfall, Outcome, Phase, Planner, Statistics, StepAnswer, StepRequest, Target, Waypoint,
 };
 use crate::check::{CheckContext, check_step, touch_text};
-use crate::leg_space::{Blocked, LegSpace, StanceGuard};
-use crate::line::{LineError, wheel_line};
+use crate::failure::{Failure, Teller, outcome_of};
+use crate::leg_space::{LegSpace, StanceGuard};
+use crate::line::wheel_line;
 use crate::sbl::{self, SblOptions, SblOutcome};
 use crate::smooth::smooth;
 use crate::space::{edge_is_free, path_length};
-use crate::watch::{Stage, Stopped, Watch};
+use crate::watch::{Stage, Watch};
 
 /// Ways to put the wheel down that are looked at.
 const MOST_TOUCHDOWNS: usize = 16;
@@ -39,32 +40,6 @@ pub fn plan_step(
     match planning.run(watch) {
         Ok(answer) => answer,
         Err(failure) => planning.failed(failure),
-    }
-}
-
-/// Why there is no step. The later in the work it happened, the more it says.
-struct Failure {
-    outcome: Outcome,
-    reason: String,
-    rank: u8,
-}
-
-impl Failure {
-    fn new(rank: u8, outcome: Outcome, reason: impl Into<String>) -> Failure {
-        Failure { outcome, reason: reason.into(), rank }
-    }
-}
-
-impl From<Stopped> for Failure {
-    fn from(stopped: Stopped) -> Failure {
-        match stopped {
-            Stopped::Deadline => {
-                Failure::new(u8::MAX, Outcome::Deadline, "the deadline came before an answer")
-            }
-            Stopped::Cancelled => {
-                Failure::new(u8::MAX, Outcome::Cancelled, "cancelled before an answer")
-            }
-        }
     }
 }
 
@@ -107,8 +82,8 @@ impl<'a> Planning<'a> {
         self.request.leg
     }
 
-    fn leg_name(&self) -> &str {
-        &self.scene.robot().leg(self.leg()).name
+    fn teller(&self) -> Teller<'_> {
+        Teller { scene: self.scene, leg: self.leg(), lift: self.request.lift }
     }
 
     fn angles(&self) -> LegAngles {
@@ -129,7 +104,8 @@ impl<'a> Planning<'a> {
 
     fn run(&mut self, watch: &mut impl Watch) -> Result<StepAnswer, Failure> {
         watch.entered(Stage::Footfall);
-        let standing = if self.request.transit_only { Vec::new() } else { self.stance()? };
+        let seen = (!self.request.transit_only).then(|| survey(self.scene, &self.posture));
+        let standing = seen.as_ref().map_or(Ok(Vec::new()), |seen| self.stance(seen))?;
         let robot = self.scene.robot().clone();
         let guard = StanceGuard::new(&robot, &standing, self.request.preference);
         let scene = self.scene;
@@ -141,7 +117,7 @@ impl<'a> Planning<'a> {
             self.request.pair_tolerance,
         );
         let mut space = LegSpace::new(&checker, &robot, &self.posture, guard.as_ref());
-        let departure = self.departure(&mut space)?;
+        let departure = self.departure(seen.as_ref(), &mut space)?;
         let result = self.reach_some_arrival(&departure, &mut space, watch);
         self.statistics.n_checked = space.n_checked;
         let (arrival, transit) = result?;
@@ -185,12 +161,11 @@ impl<'a> Planning<'a> {
 
     fn success_text(&self, waypoints: &[Waypoint]) -> String {
         let duration = waypoints.last().map_or(0.0, |w| w.time);
-        format!("a step of {} in {duration:.0} s", self.leg_name())
+        format!("a step of {} in {duration:.0} s", self.teller().leg_name())
     }
 
     /// The legs that stand while this one steps, if that is allowed at all.
-    fn stance(&self) -> Result<Vec<(LegId, Point3<f64>)>, Failure> {
-        let seen = survey(self.scene, &self.posture);
+    fn stance(&self, seen: &Survey) -> Result<Vec<(LegId, Point3<f64>)>, Failure> {
         if let Some(pair) = seen.self_collision().or(seen.terrain_collision()) {
             let text =
                 format!("the rover starts in collision: {}", touch_text(self.scene, pair.touch));
@@ -207,7 +182,8 @@ impl<'a> Planning<'a> {
         let best = verdict.best_m.map_or(String::new(), |best| {
             format!("; at best {best:.2} m by any shift of the body over these feet")
         });
-        let text = format!("{} cannot be lifted: {}{best}", self.leg_name(), verdict.explanation);
+        let text =
+            format!("{} cannot be lifted: {}{best}", self.teller().leg_name(), verdict.explanation);
         Err(Failure::new(0, Outcome::Unstable, text))
     }
 
@@ -227,17 +203,16 @@ impl<'a> Planning<'a> {
     }
 
     /// From the start up to the lift waypoint; a leg that is in the air already stays there.
-    fn departure(&self, space: &mut LegSpace) -> Result<Departure, Failure> {
-        let contact = (!self.request.transit_only).then(|| {
-            let seen = survey(self.scene, &self.posture);
+    fn departure(&self, seen: Option<&Survey>, space: &mut LegSpace) -> Result<Departure, Failure> {
+        let contact = seen.and_then(|seen| {
             let contacts = seen.contacts(self.scene, &self.posture);
             contacts.into_iter().find(|(leg, _)| *leg == self.leg()).map(|(_, contact)| contact)
         });
-        let Some(contact) = contact.flatten() else {
+        let Some(contact) = contact else {
             return match space.blocked(&self.angles()) {
                 None => Ok(Departure { knots: vec![self.angles()], zone: None }),
                 Some(blocked) => {
-                    let text = format!("at the start {}", self.blocked_text(&blocked));
+                    let text = format!("at the start {}", self.teller().blocked_text(&blocked));
                     Err(Failure::new(1, Outcome::Colliding, text))
                 }
             };
@@ -247,7 +222,7 @@ impl<'a> Planning<'a> {
         let robot = self.scene.robot();
         let goal = self.above(&wheel);
         let knots = wheel_line(robot, &self.posture, self.leg(), &self.angles(), &goal)
-            .map_err(|e| self.line_failure(2, "lifted", e))?;
+            .map_err(|e| self.teller().line_failure(2, "lifted", e))?;
         space.zone = zone;
         let blocked = space.blocked_along(&knots, self.request.sbl.epsilon);
         space.zone = None;
@@ -255,37 +230,9 @@ impl<'a> Planning<'a> {
             None => Ok(Departure { knots, zone }),
             Some(blocked) => {
                 let outcome = outcome_of(&blocked, Outcome::NoLift);
-                let text = format!("while it is lifted, {}", self.blocked_text(&blocked));
+                let text = format!("while it is lifted, {}", self.teller().blocked_text(&blocked));
                 Err(Failure::new(2, outcome, text))
             }
-        }
-    }
-
-    fn line_failure(&self, rank: u8, doing: &str, error: LineError) -> Failure {
-        let LineError::OutOfReach { share, distance } = error;
-        let height = share * self.request.lift;
-        let why = if distance > 0.0 {
-            format!("it is {distance:.2} m out of reach")
-        } else {
-            "a joint limit is in the way".into()
-        };
-        let text = format!(
-            "the wheel can be {doing} by {height:.2} m of {:.2} m, then {why}",
-            self.request.lift
-        );
-        Failure::new(rank, Outcome::NoLift, text)
-    }
-
-    fn blocked_text(&self, blocked: &Blocked) -> String {
-        match blocked {
-            Blocked::Touch(v) => format!(
-                "{} are {:.3} m apart where {:.3} m are kept",
-                touch_text(self.scene, v.touch),
-                v.distance,
-                v.required
-            ),
-            Blocked::Unstable => "the margin rule does not hold".into(),
-            Blocked::Limits => "a joint is beyond its limits".into(),
         }
     }
 
@@ -308,7 +255,7 @@ impl<'a> Planning<'a> {
             let arrival = match self.arrival(goal, space) {
                 Ok(arrival) => arrival,
                 Err(failure) => {
-                    worst = later(worst, failure);
+                    worst = worst.or_later(failure);
                     continue;
                 }
             };
@@ -320,7 +267,7 @@ impl<'a> Planning<'a> {
             match self.transit(from, arrival.knots[0], share, space, watch) {
                 Ok(path) => return Ok((arrival, path)),
                 Err(failure) if failure.rank == u8::MAX => return Err(failure),
-                Err(failure) => worst = later(worst, failure),
+                Err(failure) => worst = worst.or_later(failure),
             }
             budget = budget.saturating_sub(self.statistics.n_milestones - before);
             if searches == MOST_SEARCHES || budget == 0 {
@@ -346,34 +293,9 @@ impl<'a> Planning<'a> {
                     MOST_TOUCHDOWNS,
                 )
                 .map(|all| all.into_iter().map(Goal::Touchdown).collect())
-                .map_err(|none| self.no_touchdown(none))
+                .map_err(|none| self.teller().no_touchdown(none))
             }
         }
-    }
-
-    fn no_touchdown(&self, none: NoTouchdown) -> Failure {
-        let leg = self.leg_name();
-        let (outcome, text) = match none {
-            NoTouchdown::UnknownGround => (
-                Outcome::UnknownGround,
-                "the ground there is unknown or at the edge of the map".to_string(),
-            ),
-            NoTouchdown::Uneven { shift } => (
-                Outcome::Unreachable,
-                format!("the ground there is too uneven: the wheel would stand {shift:.2} m off"),
-            ),
-            NoTouchdown::OutOfReach { distance } => {
-                (Outcome::Unreachable, format!("{distance:.2} m out of the reach of {leg}"))
-            }
-            NoTouchdown::JointLimits { overrun } => (
-                Outcome::Unreachable,
-                format!(
-                    "a joint of {leg} would be {:.0} deg beyond its limit",
-                    overrun.to_degrees()
-                ),
-            ),
-        };
-        Failure::new(3, outcome, text)
     }
 
     /// The way down to a goal, checked.
@@ -382,7 +304,7 @@ impl<'a> Planning<'a> {
             return match space.blocked(angles) {
                 None => Ok(Arrival { knots: vec![*angles], zone: None, footfall: None }),
                 Some(blocked) => {
-                    let text = format!("at the goal {}", self.blocked_text(&blocked));
+                    let text = format!("at the goal {}", self.teller().blocked_text(&blocked));
                     Err(Failure::new(4, Outcome::Colliding, text))
                 }
             };
@@ -396,13 +318,13 @@ impl<'a> Planning<'a> {
         let blocked = space.blocked(&angles);
         space.zone = None;
         if let Some(blocked) = blocked {
-            let text = format!("with the wheel there {}", self.blocked_text(&blocked));
+            let text = format!("with the wheel there {}", self.teller().blocked_text(&blocked));
             return Err(Failure::new(4, outcome_of(&blocked, Outcome::Colliding), text));
         }
         let robot = self.scene.robot();
         let above = self.above(&footfall.world_from_wheel);
         let mut knots = wheel_line(robot, &self.posture, self.leg(), &angles, &above)
-            .map_err(|e| self.line_failure(5, "raised above the goal", e))?;
+            .map_err(|e| self.teller().line_failure(5, "raised above the goal", e))?;
         knots.reverse();
         space.zone = Some(zone);
         let blocked = space.blocked_along(&knots, self.request.sbl.epsilon);
@@ -411,7 +333,7 @@ impl<'a> Planning<'a> {
             None => Ok(Arrival { knots, zone: Some(zone), footfall: Some(footfall) }),
             Some(blocked) => {
                 let outcome = outcome_of(&blocked, Outcome::NoLift);
-                let text = format!("on the way down {}", self.blocked_text(&blocked));
+                let text = format!("on the way down {}", self.teller().blocked_text(&blocked));
                 Err(Failure::new(6, outcome, text))
             }
         }
@@ -481,7 +403,7 @@ impl<'a> Planning<'a> {
             SblOutcome::Stopped(stopped) => Err(stopped.into()),
             SblOutcome::NotFound => {
                 let met = space.last.map_or(String::new(), |blocked| {
-                    format!("; last in the way: {}", self.blocked_text(&blocked))
+                    format!("; last in the way: {}", self.teller().blocked_text(&blocked))
                 });
                 let text = format!(
                     "no path within {} milestones, which is no proof that there is none{met}",
@@ -511,7 +433,7 @@ impl<'a> Planning<'a> {
         match space.blocked_along(&knots, self.request.sbl.epsilon) {
             None => Ok(knots),
             Some(blocked) => {
-                let text = format!("on the straight line {}", self.blocked_text(&blocked));
+                let text = format!("on the straight line {}", self.teller().blocked_text(&blocked));
                 Err(no_path(text))
             }
         }
@@ -555,18 +477,4 @@ fn footfall_of(touchdown: &Touchdown) -> Footfall {
         normal: touchdown.place.normal,
         world_from_wheel: touchdown.wheel.world_from_wheel,
     }
-}
-
-fn outcome_of(blocked: &Blocked, otherwise: Outcome) -> Outcome {
-    match blocked {
-        Blocked::Unstable => Outcome::Unstable,
-        Blocked::Touch(v) if matches!(v.touch, collision::Touch::UnknownGround(_)) => {
-            Outcome::UnknownGround
-        }
-        Blocked::Touch(_) | Blocked::Limits => otherwise,
-    }
-}
-
-fn later(a: Failure, b: Failure) -> Failure {
-    if b.rank > a.rank { b } else { a }
 }
