@@ -20,9 +20,7 @@ impl Failure {
     pub fn new(rank: u8, outcome: Outcome, reason: impl Into<String>) -> Failure {
         Failure { outcome, reason: reason.into(), rank }
     }
-}
 
-impl Failure {
     /// The one that happened later in the work.
     pub fn or_later(self, other: Failure) -> Failure {
         if other.rank > self.rank { other } else { self }
