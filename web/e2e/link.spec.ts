@@ -33,16 +33,25 @@ test("an armed command can be taken back, and a stop ends what runs", async ({ o
   await server.setDelay(0.2);
   await ops.page.keyboard.press("5");
   await ops.at("tab-hand").click();
-  await ops.at("line-up").fill("0.60");
   await ops.at("hand-line").click();
   await ops.at("hand-arm").click();
   await expect(ops.at("take-back")).toBeFocused();
   await ops.page.keyboard.press("Enter");
   await expect(ops.at("send-hand")).toHaveCount(0);
+
+  const step = ops.at("step");
   await ops.at("hand-line").click();
   await ops.at("hand-arm").click();
   await ops.at("send-hand").click();
-  await expect(ops.at("step")).toHaveAttribute("data-stage", "executing");
+  await expect(step).toHaveAttribute("data-stage", "executing");
+  await expect(step).toHaveAttribute("data-stage", "pick");
+
+  // A long swing of the lifted leg, so that there is time to stop it.
+  await ops.at("joint-0").fill("40");
+  await ops.at("hand-joints").click();
+  await ops.at("hand-arm").click();
+  await ops.at("send-hand").click();
+  await expect(step).toHaveAttribute("data-stage", "executing");
   await ops.at("hand-stop").click();
   await ops.at("hand-arm").click();
   await ops.at("send-hand").click();
@@ -50,13 +59,13 @@ test("an armed command can be taken back, and a stop ends what runs", async ({ o
   const log = ops.at("command-log");
   await expect(log.locator("[data-state=cancelled]")).toHaveCount(1);
   await expect(log.locator("[data-state=aborted]")).toHaveCount(1);
-  await expect(log.locator("[data-state=done]")).toHaveCount(1);
+  await expect(log.locator("[data-state=done]")).toHaveCount(2);
 });
 
 test("an E-stop under a long delay says when it takes effect", async ({ ops, server }) => {
   await ops.open();
-  await server.setDelay(3);
-  await expect(ops.at("delays")).toHaveText("3.0 s3.0 s");
+  await server.setDelay(2);
+  await expect(ops.at("delays")).toHaveText("2.0 s2.0 s");
   await ops.at("estop").click();
   const note = ops.at("estop-note");
   await expect(note).toHaveAttribute("data-state", "sent");

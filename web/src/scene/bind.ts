@@ -252,12 +252,17 @@ function showTrace(viewer: Viewer): void {
   }
   const radius_m = model?.legs.find((l) => l.name === plan?.leg)?.wheel_radius_m ?? 0.2;
   const footfall = plan?.footfall && {
-    at: plan.footfall.ground_m,
+    at: below(plan.footfall.wheel.position_m, plan.footfall.normal, radius_m),
     normal: plan.footfall.normal,
     radius_m,
   };
   viewer.marks.setTrace(way, footfall ?? null);
   viewer.invalidate();
+}
+
+/** The ground below a wheel; a leaning wheel touches it with its rim, a hand's breadth aside. */
+function below(center: Vec3, normal: Vec3, radius_m: number): Vec3 {
+  return center.map((v, i) => v - radius_m * normal[i]!) as Vec3;
 }
 
 function showGhost(viewer: Viewer): void {

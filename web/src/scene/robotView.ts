@@ -98,8 +98,8 @@ export class RobotView {
     this.chosen = leg;
     for (const [key, material] of this.materials) {
       const mine = leg !== null && key.includes(`|${leg}|`);
-      // Torque colours must stay readable on the chosen leg.
-      const strength = this.torques ? 0.16 : 0.42;
+      // Torque colours must stay readable on the chosen leg, and the ghost must stand out from it.
+      const strength = this.torques || this.ghostLeg !== null ? 0.16 : 0.42;
       material.emissive.set(mine ? ACCENT : "#000000").multiplyScalar(mine ? strength : 0);
     }
   }
@@ -117,8 +117,11 @@ export class RobotView {
   }
 
   setGhost(leg: string | null, joints_rad: number[]): void {
-    if (leg !== this.ghostLeg) this.only(this.ghost, leg);
-    this.ghostLeg = leg;
+    if (leg !== this.ghostLeg) {
+      this.only(this.ghost, leg);
+      this.ghostLeg = leg;
+      this.highlight(this.chosen);
+    }
     this.poseOther(this.ghost, leg, joints_rad);
   }
 
