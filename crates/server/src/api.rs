@@ -12,12 +12,15 @@ mod uploads;
 use std::time::Duration;
 
 use axum::Router;
+use axum::body::Body;
 use axum::extract::DefaultBodyLimit;
-use axum::http::header;
+use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::compression::CompressionLayer;
 use tower_http::compression::predicate::{NotForContentType, Predicate, SizeAbove};
+use tower_http::map_request_body::MapRequestBodyLayer;
+use tower_http::timeout::{RequestBodyTimeoutLayer, TimeoutLayer};
 use tower_http::trace::TraceLayer;
 use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
@@ -33,6 +36,9 @@ const BODY_BYTES_MAX: usize = 1 << 20;
 const ANALYSIS_BYTES_MAX: usize = 32 << 20;
 /// Time to answer anything that is no analysis, no upload and no download.
 const ANSWER_TIME: Duration = Duration::from_secs(30);
+
+/// Longest pause within the body of an analysis or an upload.
+const BODY_PAUSE: Duration = Duration::from_secs(20);
 
 #[derive(OpenApi)]
 #[openapi(
@@ -66,12 +72,13 @@ fn described() -> OpenApiRouter<AppState> {
         .merge(jobs::routes())
         .routes(routes!(openapi_json))
         .layer(DefaultBodyLimit::max(BODY_BYTES_MAX))
-        .layer(tower_http::timeout::TimeoutLayer::with_status_code(
-            axum::http::StatusCode::SERVICE_UNAVAILABLE,
-            ANSWER_TIME,
-        ));
-    let analyses = analysis::routes().layer(DefaultBodyLimit::max(ANALYSIS_BYTES_MAX));
-    let api = short.merge(analyses).merge(uploads::routes()).merge(rover::stream_routes());
+        .layer(TimeoutLayer::with_status_code(StatusCode::SERVICE_UNAVAILABLE, ANSWER_TIME));
+    let long = analysis::routes()
+        .layer(DefaultBodyLimit::max(ANALYSIS_BYTES_MAX))
+        .merge(uploads::routes())
+        .layer(MapRequestBodyLayer::new(Body::new))
+        .layer(RequestBodyTimeoutLayer::new(BODY_PAUSE));
+    let api = short.merge(long).merge(rover::stream_routes());
     OpenApiRouter::with_openapi(Document::openapi())
         .nest("/api/v1", api)
         .routes(routes!(health))

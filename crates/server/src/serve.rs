@@ -1,5 +1,7 @@
 //! Bringing the ground server up, and down again.
 
+pub mod connections;
+
 use std::collections::BTreeMap;
 use std::future::Future;
 use std::net::{IpAddr, SocketAddr};
@@ -185,12 +187,8 @@ impl Server {
     /// Serves until `end` completes; then lets go of everybody and finishes the flight log.
     pub async fn run(self, listener: TcpListener, end: impl Future<Output = ()> + Send + 'static) {
         let router = api::router(self.app.clone());
-        let mut closed = self.app.closing.clone();
-        let graceful = axum::serve(listener, router).with_graceful_shutdown(async move {
-            // An error means that the sender is gone, which is an end too.
-            let _ = closed.wait_for(|closed| *closed).await;
-        });
-        let mut serving = tokio::spawn(async move { graceful.await });
+        let closed = self.app.closing.clone();
+        let mut serving = tokio::spawn(connections::serve(listener, router, closed));
         tokio::select! {
             () = end => {}
             ended = &mut serving => tracing::error!("the server ended by itself: {ended:?}"),

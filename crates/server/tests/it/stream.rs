@@ -16,7 +16,10 @@ async fn serve(ground: &Ground) -> String {
     let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     let router = ground.router.clone();
-    tokio::spawn(async move { axum::serve(listener, router).await });
+    tokio::spawn(async move {
+        let (_open, closed) = tokio::sync::watch::channel(false);
+        server::serve::connections::serve(listener, router, closed).await;
+    });
     format!("ws://{address}/api/v1/stream")
 }
 
