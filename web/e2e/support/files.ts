@@ -14,6 +14,8 @@ export function sharedData(test: string, path: string): string | null {
   const root = process.env.FOOTFALL_SHARED_DATA ?? join(PROJECT, "../shared/data");
   const full = join(root, path);
   if (existsSync(full)) return full;
+  // Test files are read once to list their tests and again by each worker: said once.
+  if (process.env.TEST_WORKER_INDEX !== undefined) return null;
   const note = `SKIPPED ${test}: shared data ${path} is absent`;
   console.error(note);
   mkdirSync(join(PROJECT, "target"), { recursive: true });

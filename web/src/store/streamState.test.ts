@@ -95,15 +95,18 @@ describe("the stream's fold", () => {
     expect(fold(NO_STREAM, message("rover/state", {}, 1, "r"))).toEqual(NO_STREAM);
   });
 
-  it("going back in a replay un-happens its commands, going on does not", () => {
+  it("going back in a replay un-happens commands and telemetry, going on does not", () => {
     const open = fold(
       openReplay(NO_STREAM, replay("r", 50)),
+      message("rover/state", { mode: "idle" }, 1, "r"),
       message("command/event", event("a", "done"), 1, "r"),
     );
     const on = fold(open, { op: "replay", state: replay("r", 51) });
     expect(on.replay?.commands.length).toBe(1);
+    expect(on.replay?.rover?.message.mode).toBe("idle");
     const back = fold(open, { op: "replay", state: replay("r", 1) });
     expect(back.replay?.commands).toEqual([]);
+    expect(back.replay?.rover).toBeNull();
     // What the server told again before it told the new place stays.
     const later = fold(open, { op: "replay", state: replay("r", 10) });
     expect(later.replay?.commands.length).toBe(1);

@@ -113,8 +113,11 @@ function replayed(state: StreamState, next: ReplayState): StreamState {
 
 /** Going back in time un-happens what came later; the server tells again what was true before. */
 function upTo(channels: Channels, at_ms: number): Channels {
+  const known = <T>(told: Stamped<T> | null) => (told && told.received_ms <= at_ms ? told : null);
   return {
     ...channels,
+    rover: known(channels.rover),
+    stability: known(channels.stability),
     commands: channels.commands.filter((c) => (channels.heard_ms[c.id] ?? 0) <= at_ms),
     events: channels.events.filter((e) => e.received_ms <= at_ms),
   };

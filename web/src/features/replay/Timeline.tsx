@@ -9,10 +9,26 @@ import { useShownNow } from "../../store/now";
 import { backToLive, changeReplay, useLogs } from "../../store/replay";
 import "./replay.css";
 
+/** A moving handle asks for its place when it rests this long (ms). */
+const SETTLE_MS = 120;
 const RATES = [0.1, 0.5, 1, 2, 5, 10, 50, 200, 1000];
 
 export function Timeline({ replay }: { replay: ReplayState }) {
   const failure = useLogs((s) => s.failure);
+  const [start, end] = [parseTime(replay.start), parseTime(replay.end)];
+  // While the handle is held the replay's own progress must not pull it away.
+  const [held, setHeld] = useState<number | null>(null);
+  const pending = useRef(0);
+  /** The last place asked for wins, however fast they follow each other. */
+  const seek = (to: number, wait_ms: number) => {
+    clearTimeout(pending.current);
+    setHeld(to);
+    const mine = window.setTimeout(() => {
+      const at = toRfc3339(Math.min(Math.max(to, start), end));
+      void changeReplay({ at }).then(() => pending.current === mine && setHeld(null));
+    }, wait_ms);
+    pending.current = mine;
+  };
   return (
     <section className="timeline" aria-label="Replay">
       <button
@@ -20,7 +36,7 @@ export function Timeline({ replay }: { replay: ReplayState }) {
         className="button icon"
         aria-label="To the beginning"
         title="To the beginning"
-        onClick={() => void changeReplay({ at: replay.start })}
+        onClick={() => seek(start, 0)}
       >
         <SkipBack size={16} />
       </button>
@@ -34,7 +50,7 @@ export function Timeline({ replay }: { replay: ReplayState }) {
       >
         {replay.paused ? <Play size={16} /> : <Pause size={16} />}
       </button>
-      <Scrubber replay={replay} />
+      <Scrubber start={start} end={end} held={held} seek={(to) => seek(to, SETTLE_MS)} />
       <label className="row quiet">
         speed
         <select
@@ -68,21 +84,16 @@ export function Timeline({ replay }: { replay: ReplayState }) {
   );
 }
 
-function Scrubber({ replay }: { replay: ReplayState }) {
+interface ScrubberProps {
+  start: number;
+  end: number;
+  held: number | null;
+  seek: (to: number) => void;
+}
+
+function Scrubber({ start, end, held, seek }: ScrubberProps) {
   const now = useShownNow();
-  const [start, end] = [parseTime(replay.start), parseTime(replay.end)];
-  // While the handle is held the replay's own progress must not pull it away.
-  const [held, setHeld] = useState<number | null>(null);
-  const pending = useRef(0);
   const at = held ?? now;
-  const seek = (to: number) => {
-    clearTimeout(pending.current);
-    pending.current = window.setTimeout(() => {
-      void changeReplay({ at: toRfc3339(Math.min(Math.max(to, start), end)) }).then(() =>
-        setHeld(null),
-      );
-    }, 120);
-  };
   return (
     <div className="timeline-scrub">
       <span className="num" data-testid="replay-at">
@@ -97,11 +108,7 @@ function Scrubber({ replay }: { replay: ReplayState }) {
         max={end}
         step={100}
         value={at}
-        onChange={(event) => {
-          const to = Number(event.target.value);
-          setHeld(to);
-          seek(to);
-        }}
+        onChange={(event) => seek(Number(event.target.value))}
       />
       <span className="num quiet">
         {formatSpan((at - start) / 1000)} / {formatSpan((end - start) / 1000)}

@@ -183,11 +183,13 @@ function Overhead() {
   const terrainFailure = useTerrain((s) => s.failure);
   const failure = useConsole((s) => s.failure);
   const loaded = useConsole((s) => s.model !== null);
+  const replaying = useConsole((s) => s.stream.replayState !== null);
   let note: React.ReactNode = null;
   if (failure) note = `The rover's model could not be loaded. ${failure}`;
   else if (!loaded) note = "Loading the rover's model…";
   else if (terrain === "failed") note = `The map could not be loaded. ${terrainFailure ?? ""}`;
   else if (terrain === "loading") note = `Loading the map: ${Math.round(progress * 100)} %`;
+  else if (age_s === null && replaying) note = "By this time of the log no telemetry had come.";
   else if (age_s === null) note = "No telemetry has come yet.";
   else if (stale) note = `Shown as it was ${formatSpan(age_s)} ago`;
   return note === null ? null : (
