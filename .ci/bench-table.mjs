@@ -1,9 +1,20 @@
-// One table of all benchmarks that Criterion has measured: median, and how it compares with the
-// baseline of its group: the benchmark named "(baseline)", or the simple way to do the same work.
+// One table of all benchmarks that Criterion has measured: median, budget where there is one, and
+// how it compares with the baseline of its group: the benchmark named "(baseline)", or the simple
+// way to do the same work.
 import { readFileSync, readdirSync, existsSync } from "node:fs";
 import { join } from "node:path";
 
 const root = process.argv[2] ?? "target/criterion";
+/** Budgets on two cores: longest time (ns), or lowest rate (elements a second). */
+const BUDGETS = {
+  "leg_check/one configuration with tolerances": { ns: 2e3 },
+  "leg_ik/all branches of one wheel pose": { ns: 1e3 },
+  "reach/one leg, 10 cm cells, two threads": { ns: 50e6 },
+  "recorder, 200 B messages/record, commit, close": { rate: 200e3 },
+  "stability/regular + conservative polygon of 6 contacts": { ns: 30e3 },
+  "step/around a rock, automatic": { ns: 5e6 },
+  "traversability/1024 x 1024/2 % holes": { rate: 20e6 },
+};
 const isBaseline = (name) => /\(baseline\)|^plain |^brute force/.test(name);
 
 function measured(folder) {
@@ -41,12 +52,19 @@ function time(ns) {
   return `${ns.toPrecision(3)} ns`;
 }
 
-function rate(row) {
-  if (row.elements === null) return "";
-  const perSecond = (row.elements / row.ns) * 1e9;
-  return perSecond >= 1e6
-    ? `${(perSecond / 1e6).toPrecision(3)} M/s`
-    : `${(perSecond / 1e3).toPrecision(3)} k/s`;
+const perSecond = (row) => (row.elements / row.ns) * 1e9;
+
+function rate(n) {
+  return n >= 1e6 ? `${(n / 1e6).toPrecision(3)} M/s` : `${(n / 1e3).toPrecision(3)} k/s`;
+}
+
+/** The budget, and whether it is met. */
+function budget(row) {
+  const allowed = BUDGETS[row.id];
+  if (allowed === undefined) return "";
+  const met = allowed.ns !== undefined ? row.ns <= allowed.ns : perSecond(row) >= allowed.rate;
+  const text = allowed.ns !== undefined ? `≤ ${time(allowed.ns)}` : `≥ ${rate(allowed.rate)}`;
+  return `${text} ${met ? "met" : "not met"}`;
 }
 
 const lines = rows.map((row) => {
@@ -54,13 +72,13 @@ const lines = rows.map((row) => {
   const cost = (r) => r.ns / (r.elements !== null && baseline?.elements !== null ? r.elements : 1);
   const ratio =
     baseline === undefined ? "-" : baseline === row ? "1" : (cost(row) / cost(baseline)).toPrecision(3);
-  return [row.id, time(row.ns), rate(row), ratio];
+  return [row.id, time(row.ns), row.elements === null ? "" : rate(perSecond(row)), budget(row), ratio];
 });
 if (lines.length === 0) {
   console.error("No benchmark has been measured yet.");
   process.exit(3);
 }
-const table = [["benchmark", "median", "rate", "× baseline"], ...lines];
+const table = [["benchmark", "median", "rate", "budget", "× baseline"], ...lines];
 const width = table[0].map((_, i) => Math.max(...table.map((line) => [...line[i]].length)));
 for (const line of table) {
   console.log(

@@ -151,7 +151,7 @@ impl Server {
             config.server.terrain_versions_max,
         ));
         if let Err(error) = store.current().layers() {
-            tracing::warn!("the map has no traversability: {error}; crop it or add detail");
+            tracing::warn!("{error}");
         }
         let folder = FileRoot::Folder(config.server.terrain_dir.clone());
         let terrains = Arc::new(Terrains::new(folder, Some(store.clone())));

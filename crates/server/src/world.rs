@@ -128,11 +128,12 @@ pub fn seat(
     let default = SettleOptions::default();
     let options = SettleOptions { radius_m: default.radius_m * scale, ..default };
     let settled = settle(&scene, place, heading_rad, pose, &options).map_err(|error| {
-        let code = match &error {
-            SettleError::NoPlace { .. } => "no_place",
-            SettleError::UnknownPose { .. } | SettleError::Value { .. } => "out_of_range",
+        let (code, field) = match &error {
+            SettleError::NoPlace { .. } => ("no_place", "place_m"),
+            SettleError::UnknownPose { .. } => ("out_of_range", "pose"),
+            SettleError::Value { .. } => ("out_of_range", "place_m"),
         };
-        RequestError::at(code, &At::root("place_m"), format_args!("was refused: {error}"))
+        RequestError::at(code, &At::root(field), format_args!("was refused: {error}"))
     })?;
     let rover = SimRover::new(scene, settled.configuration.clone(), gravity).map_err(|error| {
         RequestError::at("no_place", &At::root("place_m"), format_args!("was refused: {error}"))

@@ -110,7 +110,12 @@ impl Key {
             return Ok(());
         }
         let value = value.to_string().chars().take(80).collect();
-        Err(ConfigError::OutOfRange { key: self.path, value, allowed: self.allowed() })
+        let allowed = match self.range {
+            Range::Number(min, max) if self.unit.is_empty() => format!("{min} to {max}"),
+            Range::Number(min, max) => format!("{min} to {max} {}", self.unit),
+            Range::Text(kind) => kind.into(),
+        };
+        Err(ConfigError::OutOfRange { key: self.path, value, allowed })
     }
 }
 
