@@ -54,7 +54,7 @@ function Age() {
       data-testid="age"
       title="Time since the shown telemetry was true on board"
     >
-      <span className="quiet">{stale ? "old, age" : "age"}</span>
+      {age_s !== null && <span className="quiet">{stale ? "old, age" : "age"}</span>}
       <span className="num">{age_s === null ? "no telemetry" : formatSpan(age_s)}</span>
     </span>
   );
