@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, Point2, Point3, Translation3, Unit, Vector3};
 use rover::{IkSolution, LegAngles, LegId, Posture, WheelPose};
 
 use crate::scene::Scene;
-use crate::wheel::{contact_center, wheel_ground};
+use crate::wheel::{PATCH_WIDTHS, contact_center, wheel_ground};
 
 /// Yaws tried about the ground's normal (rad), from the one that keeps the knee roll small.
 const YAWS: [f64; 7] = [0.0, 0.524, -0.524, 1.047, -1.047, 1.571, -1.571];
@@ -20,8 +20,6 @@ const FORK_PITCHES: [f64; 5] = [0.0, 0.262, -0.262, 0.524, -0.524];
 const SEATING_SHIFT: f64 = 0.5;
 /// Costs nearer than this are equal (rad): mirror images must not be told apart by rounding.
 const TIE: f64 = 1e-6;
-/// Side of the patch whose plane gives the normal, in wheel widths.
-const PATCH_WIDTHS: f64 = 1.25;
 
 /// Ground that a wheel is to stand on.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -21,6 +21,16 @@ pub(crate) const BEYOND_CONTACT: f64 = 0.25;
 /// 1 mm for the wheel of `athlete`.
 const EQUALLY_NEAR: f64 = 0.004;
 
+/// As [`EQUALLY_NEAR`] for a wheel whose axle is level with the ground's patch: 1 cm of roughness is
+/// pressed down or taken by the tyre before the wheel would stand on its rim.
+const ROUGHNESS_TAKEN: f64 = 0.04;
+
+/// Camber up to which an axle counts as level with the ground's patch (rad).
+const LEVEL_ENOUGH: f64 = 0.02;
+
+/// Side of the patch of ground whose plane counts, in wheel widths.
+pub(crate) const PATCH_WIDTHS: f64 = 1.25;
+
 /// The smallest vertical gap and where it is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct WheelGap {
@@ -64,15 +74,19 @@ pub fn wheel_ground(
 /// A wheel with a level axle touches level ground along a line; without this, rounding (or a
 /// hundredth of a millimeter of roughness) would pick one of its ends.
 pub fn contact_center(wheel: &WheelPose, map: &ElevationMap, gap: &WheelGap) -> Point3<f64> {
-    let plane = map.footprint_plane(gap.ground.xy(), wheel.width).map(|plane| plane.normal);
-    let normal = plane.or_else(|| map.normal_at(gap.ground.xy())).unwrap_or(Vector3::z_axis());
+    let plane = map.footprint_plane(wheel.center().xy(), PATCH_WIDTHS * wheel.width);
+    let normal = plane
+        .map(|plane| plane.normal)
+        .or_else(|| map.normal_at(gap.ground.xy()))
+        .unwrap_or(Vector3::z_axis());
     let axle = wheel.axle().into_inner();
     let across = normal.into_inner() - axle * normal.dot(&axle);
     let Some(across) = Unit::try_new(across, 1e-9) else { return gap.ground };
     let middle = wheel.lowest_point(&across);
-    let as_near = map
-        .height_at(middle.xy())
-        .is_some_and(|ground| middle.z - ground <= gap.gap + EQUALLY_NEAR * wheel.radius);
+    let level = wheel.camber(&normal) <= LEVEL_ENOUGH;
+    let slack = wheel.radius * if level { ROUGHNESS_TAKEN } else { EQUALLY_NEAR };
+    let as_near =
+        map.height_at(middle.xy()).is_some_and(|ground| middle.z - ground <= gap.gap + slack);
     if as_near { middle } else { gap.ground }
 }
 

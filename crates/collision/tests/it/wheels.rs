@@ -114,6 +114,18 @@ fn lifting_the_wheel_lifts_the_gap() {
 }
 
 #[test]
+fn a_wheel_with_camber_stands_on_its_rim() {
+    for g in [0.03_f64, 0.1, 0.3] {
+        let tilted = wheel(Vector3::new(0.1, 0.2, 0.3), Vector3::new(g, 0.0, 0.0));
+        let gap = wheel_ground(&tilted, &plane(), |_| true).nearest.unwrap();
+        let contact = contact_center(&tilted, &plane(), &gap);
+        // The lower rim: half a width along the axle, and the radius leans inward by sin g.
+        let aside = 0.2 - 0.12 * g.cos() + 0.264 * g.sin();
+        assert!((contact.y - aside).abs() < 1e-6, "{contact} {aside}");
+    }
+}
+
+#[test]
 fn a_level_wheel_touches_in_the_middle_of_its_width_even_if_it_hovers_or_the_ground_is_rough() {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     for _ in 0..100 {
