@@ -36,7 +36,7 @@ async fn job(
 
 /// Asks a job to end; it does so within moments.
 #[utoipa::path(
-    delete, path = "/jobs/{id}", tag = "jobs",
+    delete, path = "/jobs/{id}", tag = "jobs", operation_id = "cancel_job",
     params(("id" = String, Path, description = "The job")),
     responses(
         (status = 200, body = JobReport),

@@ -24,7 +24,8 @@ pub fn routes() -> OpenApiRouter<AppState> {
 
 /// Plans a step of the live rover. The job's result is the path of the plan, whatever its outcome.
 #[utoipa::path(
-    post, path = "/plans", tag = "plans", request_body = PlanRequest,
+    post, path = "/plans", tag = "plans", operation_id = "start_plan",
+    request_body = PlanRequest,
     responses(
         (status = 202, body = JobReport),
         (status = 409, body = ErrorBody), (status = 422, body = ErrorBody),
@@ -81,7 +82,7 @@ async fn start(
 
 /// A plan.
 #[utoipa::path(
-    get, path = "/plans/{id}", tag = "plans",
+    get, path = "/plans/{id}", tag = "plans", operation_id = "kept_plan",
     params(("id" = String, Path, description = "The plan")),
     responses((status = 200, body = PlanAnswer), (status = 404, body = ErrorBody))
 )]

@@ -144,7 +144,7 @@ async fn export(
 
 /// The files that can be imported.
 #[utoipa::path(
-    get, path = "/terrain/files", tag = "terrain",
+    get, path = "/terrain/files", tag = "terrain", operation_id = "terrain_files",
     responses((status = 200, body = TerrainFiles))
 )]
 async fn list(State(app): State<AppState>) -> Result<Json<TerrainFiles>, ApiError> {

@@ -26,7 +26,8 @@ fn the_document_is_openapi_and_names_every_operation_once() {
             let said = operation["summary"].as_str().unwrap_or_default();
             assert!(!said.is_empty(), "{method} {path} says nothing of itself");
             let id = operation["operationId"].as_str().unwrap_or_default().to_owned();
-            assert!(seen.insert(format!("{method} {path} {id}")), "{method} {path}");
+            assert!(!id.is_empty(), "{method} {path} has no operationId");
+            assert!(seen.insert(id.clone()), "{method} {path}: {id} names another operation too");
         }
     }
     assert!(paths.len() > 30, "{} paths", paths.len());
