@@ -114,12 +114,8 @@ export const api = {
       method: "POST",
       signal,
       headers: { "Content-Type": "application/json", Accept: "application/octet-stream" },
-      body: JSON.stringify({
-        legs: [leg],
-        resolution_m: 0.1,
-        lift_m: 0.2,
-        stability: "regular",
-      }),
+      // Cells and lift are the server's defaults: they go with the robot's scale, as those of plans.
+      body: JSON.stringify({ legs: [leg], stability: "regular" }),
     }),
 
   plan: (request: PlanRequest) => json<JobReport>("POST", "plans", request),
