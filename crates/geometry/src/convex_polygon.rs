@@ -112,11 +112,6 @@ impl ConvexPolygon {
         if inside.0 >= 0.0 { inside } else { (-outside.0, outside.1) }
     }
 
-    /// The polygon with `point` moved by `offset`.
-    pub fn translated(&self, offset: Vector2<f64>) -> ConvexPolygon {
-        ConvexPolygon { vertices: self.vertices.iter().map(|v| v + offset).collect() }
-    }
-
     /// What this polygon and `other` share.
     pub fn intersection(&self, other: &ConvexPolygon) -> ConvexRegion {
         ConvexRegion::Area(self.clone()).clipped_by(other)
@@ -275,7 +270,7 @@ mod tests {
             ConvexRegion::Point(p) => assert!((p - Point2::new(0.0, 0.5)).norm() < 1e-9),
             other => panic!("{other:?}"),
         }
-        let apart = right.translated(Vector2::new(0.1, 0.0));
+        let apart = polygon(&[(1.1, 0.0), (0.1, 0.5), (1.1, 1.0)]);
         assert_eq!(left.intersection(&apart), ConvexRegion::Empty);
     }
 

@@ -140,7 +140,8 @@ pub struct PolygonAnswer {
 pub struct JointKnot {
     /// Joint angles (rad), from the hip outward.
     pub joints_rad: Vec<f64>,
-    /// Time after the start of the command (s); the simulated rover also keeps its joint speed.
+    /// Time after the start of the command as planned (s); the simulated rover goes by its joint
+    /// speed alone.
     pub time_s: f64,
 }
 

@@ -4,10 +4,9 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::live::{
-    CommandBody, CommandRecord, JobReport, LinkConfig, LinkReport, PlanCommandRef, RoverTelemetry,
-    StabilityDerived,
+    CommandBody, CommandRecord, LinkReport, PlanCommandRef, RoverTelemetry, StabilityDerived,
 };
-use crate::scene::{Payload, Recipe, RoverState};
+use crate::scene::{Payload, Recipe};
 use crate::time::Timestamp;
 
 /// Every error answer of the API.
@@ -113,9 +112,6 @@ pub struct LatestFrame {
     /// The frame.
     pub frame: RoverTelemetry,
 }
-
-/// `PUT /link`.
-pub type LinkRequest = LinkConfig;
 
 /// One version of the map.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -256,9 +252,6 @@ pub struct EstopAnswer {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub token: Option<String>,
 }
-
-/// Long work that was accepted.
-pub type JobAnswer = JobReport;
 
 /// One flight log.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -443,6 +436,3 @@ pub struct CellAnswer {
     /// 0 unknown, 1 unsafe, 2 caution, 3 safe.
     pub class: u8,
 }
-
-/// The rover's state in a form that stays small: kept for bookmarks and plans.
-pub type StateSnapshot = RoverState;
