@@ -1,7 +1,7 @@
 //! What is asked of the step planner, and what it answers.
 
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
-use rover::{LegAngles, LegId};
+use rover::{Configuration, LegAngles, LegId};
 use stability::rule::Preference;
 
 use crate::sbl::SblOptions;
@@ -19,13 +19,55 @@ pub enum Target {
 /// Which planner finds the transit (F53, F60).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Planner {
-    /// The straight way in joint space if it is free, else SBL.
+    /// The straight way in joint space if it is free, else A* on a coarse grid, SBL where that
+    /// fails (F81).
     #[default]
     Auto,
+    /// A* of the wheel on a grid in task space (F80).
+    AStar,
     /// SBL (F68-F74).
     Sbl,
+    /// Two rapidly growing random trees.
+    RrtConnect,
     /// The wheel along a straight line in task space (F59): fragile, for comparison.
     Line,
+}
+
+/// What found a path.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PathPlanner {
+    /// The straight line in joint space.
+    JointLine,
+    /// A* of the wheel on a grid.
+    AStar,
+    /// SBL.
+    Sbl,
+    /// Two rapidly growing random trees.
+    RrtConnect,
+    /// The wheel along a straight line.
+    Line,
+}
+
+/// When a search or a smoother takes an edge for free.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum EdgeRule {
+    /// Certified: free at every resolution.
+    #[default]
+    Certified,
+    /// Free at points no farther apart than this (rad, largest joint), as published (F67).
+    Sampled(f64),
+}
+
+/// Safety buffers as in FootFall (m). They never raise the ground under a standing wheel, under the
+/// start or under the goal.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Buffers {
+    /// The ground is raised by this much for the transit (F84).
+    pub terrain_lift: f64,
+    /// Clearance added about obstacles (F86).
+    pub obstacle: f64,
+    /// Added to every clearance: tracking error, predicted sag and error of the map.
+    pub inflation: f64,
 }
 
 /// A request for one step, or for the transit alone.
@@ -48,6 +90,18 @@ pub struct StepRequest {
     pub transit_only: bool,
     /// Which loss of support must be survived.
     pub preference: Preference,
+    /// Buffers beside the tolerances.
+    pub buffers: Buffers,
+    /// When an edge is taken for free.
+    pub edges: EdgeRule,
+    /// Cell of the A* planner (m).
+    pub cell: f64,
+    /// May the body be shifted first, where the margin rule asks for it?
+    pub may_shift: bool,
+    /// Press the wheel to its predicted load at the end.
+    pub preload: bool,
+    /// Wheel drives hold the standing wheels while forks pitch, instead of brakes.
+    pub drive_hold: bool,
     /// Seed of all random numbers.
     pub seed: u64,
     /// Parameters of SBL; `max_milestones` is the work budget of the whole request.
@@ -69,6 +123,12 @@ impl StepRequest {
             pair_tolerance: None,
             transit_only: false,
             preference: Preference::Regular,
+            buffers: Buffers::default(),
+            edges: EdgeRule::Certified,
+            cell: 0.20 * scale,
+            may_shift: true,
+            preload: true,
+            drive_hold: false,
             seed: 1,
             sbl: SblOptions::default(),
             smooth: SmoothOptions::default(),
@@ -122,34 +182,56 @@ impl Outcome {
 /// Part of a step (F75).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
+    /// The body moves over its feet.
+    Shift,
     /// From the ground up to the lift waypoint.
     Lift,
     /// From waypoint to waypoint.
     Transit,
     /// Down to the goal.
     Drop,
+    /// Pressed to the predicted load.
+    Preload,
 }
 
 impl Phase {
     /// The word used at every interface.
     pub fn word(self) -> &'static str {
         match self {
+            Phase::Shift => "shift",
             Phase::Lift => "lift",
             Phase::Transit => "transit",
             Phase::Drop => "drop",
+            Phase::Preload => "preload",
         }
     }
 }
 
 /// A knot of the step; motion between knots is linear in the joints.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Waypoint {
-    /// Joint angles (rad).
+    /// Joint angles of the stepping leg (rad).
     pub angles: LegAngles,
     /// The phase that ends here; for the first waypoint the one that begins.
     pub phase: Phase,
-    /// Time from the start of the step (s), at the robot's joint speed.
+    /// Time from the start of the step (s).
     pub time: f64,
+    /// The whole robot here, where the body is being shifted.
+    pub stance: Option<Configuration>,
+    /// May the robot be held here for as long as one likes?
+    pub hold: bool,
+}
+
+/// What is in the way, in the words of the wire.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Constraint {
+    /// `reach`, `joint_limits`, `ground`, `unknown_ground`, `clearance`, `stability`, `torque` or
+    /// `search`.
+    pub name: &'static str,
+    /// How much is missing, in `unit`.
+    pub missing: Option<f64>,
+    /// `m`, `rad` or `share`.
+    pub unit: &'static str,
 }
 
 /// Where the wheel will stand.
@@ -193,6 +275,12 @@ pub struct Statistics {
     pub length: f64,
     /// ... of the straight line in joint space (rad).
     pub straight: f64,
+    /// What found the first path.
+    pub planner: Option<PathPlanner>,
+    /// Edges asked for by search and smoothing.
+    pub n_edges: u64,
+    /// Every piece of the motion is certified.
+    pub certified: bool,
 }
 
 /// The answer to a request for a step.
@@ -212,4 +300,10 @@ pub struct StepAnswer {
     pub margins: Vec<(f64, f64)>,
     /// Work done.
     pub statistics: Statistics,
+    /// Without a plan: what is in the way.
+    pub constraint: Option<Constraint>,
+    /// Without a plan: the nearest ground for which there would be one, where one was found.
+    pub nearest: Option<Point3<f64>>,
+    /// Load that the wheel is pressed to (N).
+    pub preload: Option<f64>,
 }

@@ -105,8 +105,8 @@ pub fn check_step(context: &CheckContext, waypoints: &[Waypoint]) -> CheckReport
         posture.move_leg(robot, context.leg, &angles);
         let zone = match phase {
             Phase::Lift => context.lift_zone.as_ref(),
-            Phase::Transit => None,
-            Phase::Drop => context.drop_zone.as_ref(),
+            Phase::Shift | Phase::Transit => None,
+            Phase::Drop | Phase::Preload => context.drop_zone.as_ref(),
         };
         let clearance = checker.clearance(&posture, zone, 0.25 * robot.scale());
         if let Some(v) = clearance.links {

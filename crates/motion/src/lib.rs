@@ -20,8 +20,8 @@ mod step;
 mod watch;
 
 pub use answer::{
-    Finding, Footfall, Outcome, Phase, Planner, Statistics, StepAnswer, StepRequest, Target,
-    Waypoint,
+    Buffers, Constraint, EdgeRule, Finding, Footfall, Outcome, PathPlanner, Phase, Planner,
+    Statistics, StepAnswer, StepRequest, Target, Waypoint,
 };
 pub use step::plan_step;
 pub use watch::{Stage, Stopped, Unwatched, Watch};

@@ -99,6 +99,9 @@ impl<'a> Planning<'a> {
             findings: Vec::new(),
             margins: Vec::new(),
             statistics: self.statistics,
+            constraint: None,
+            nearest: None,
+            preload: None,
         }
     }
 
@@ -156,6 +159,9 @@ impl<'a> Planning<'a> {
             findings: report.findings,
             margins: report.margins,
             statistics: self.statistics,
+            constraint: None,
+            nearest: None,
+            preload: None,
         })
     }
 
@@ -377,7 +383,9 @@ impl<'a> Planning<'a> {
             Planner::Auto if edge_is_free(space, &from, &to, self.request.sbl.epsilon) => {
                 vec![from, to]
             }
-            Planner::Auto | Planner::Sbl => self.search(from, to, budget, space, watch)?,
+            Planner::Auto | Planner::AStar | Planner::RrtConnect | Planner::Sbl => {
+                self.search(from, to, budget, space, watch)?
+            }
         };
         self.statistics.first_path = path_length(&first);
         watch.entered(Stage::Smoothing);
@@ -447,8 +455,13 @@ impl<'a> Planning<'a> {
         arrival: &Arrival,
     ) -> Vec<Waypoint> {
         let first_phase = if departure.knots.len() > 1 { Phase::Lift } else { Phase::Transit };
-        let mut waypoints =
-            vec![Waypoint { angles: departure.knots[0], phase: first_phase, time: 0.0 }];
+        let mut waypoints = vec![Waypoint {
+            angles: departure.knots[0],
+            phase: first_phase,
+            time: 0.0,
+            stance: None,
+            hold: true,
+        }];
         let speed = self.scene.robot().motion().joint_speed;
         let parts = [
             (Phase::Lift, &departure.knots[1..]),
@@ -457,9 +470,9 @@ impl<'a> Planning<'a> {
         ];
         for (phase, knots) in parts {
             for angles in knots {
-                let before = waypoints[waypoints.len() - 1];
+                let before = &waypoints[waypoints.len() - 1];
                 let time = before.time + (angles - before.angles).amax() / speed;
-                waypoints.push(Waypoint { angles: *angles, phase, time });
+                waypoints.push(Waypoint { angles: *angles, phase, time, stance: None, hold: true });
             }
         }
         waypoints

@@ -1,15 +1,15 @@
 //! One planned step.
 
 use motion::{
-    Finding, Outcome, Phase, Planner as Search, Stage, StepAnswer, StepRequest, Stopped, Target,
-    Watch, Waypoint, plan_step,
+    Buffers, EdgeRule, Finding, Outcome, Phase, Planner as Search, Stage, StepAnswer, StepRequest,
+    Stopped, Target, Watch, Waypoint, plan_step,
 };
 use nalgebra::Point3;
 use rover::{Configuration, LegId, Robot};
 use tokio::time::Instant;
 use wire::analysis::{
-    PlanAnswer, PlanBasis, PlanCommand, PlanFinding, PlanMargin, PlanPhase, PlanRequest,
-    PlanStatistics, PlanWaypoint, Planner,
+    PathPlanner, PlanAnswer, PlanBasis, PlanCommand, PlanConstraint, PlanFinding, PlanMargin,
+    PlanPhase, PlanRequest, PlanShift, PlanStatistics, PlanWaypoint, Planner,
 };
 use wire::check::{self, At, RequestError};
 use wire::convert;
@@ -71,11 +71,8 @@ fn step_request(scene: &Scene, request: &PlanRequest) -> Result<StepRequest, Req
         Planner::Auto => Search::Auto,
         Planner::Sbl => Search::Sbl,
         Planner::Line => Search::Line,
-        Planner::Astar => {
-            let text = "is \"astar\", which this version does not do; take \"auto\", \"sbl\" or \
-                        \"line\"";
-            return Err(RequestError::at("not_supported", &At::root("planner"), text));
-        }
+        Planner::Astar => Search::AStar,
+        Planner::RrtConnect => Search::RrtConnect,
     };
     let lift_m = request.lift_m.unwrap_or(LIFT_M * robot.scale());
     step.lift = check::within(&At::root("lift_m"), lift_m, LIFT_RANGE_M, " m")?;
@@ -92,6 +89,19 @@ fn step_request(scene: &Scene, request: &PlanRequest) -> Result<StepRequest, Req
     }
     step.transit_only = request.transit_only;
     step.seed = request.seed;
+    step.buffers = buffers(request)?;
+    if let Some(cell_m) = request.cell_m {
+        let scale = robot.scale();
+        let range = [0.02 * scale, scale];
+        step.cell = check::within(&At::root("cell_m"), cell_m, range, " m")?;
+    }
+    if let Some(epsilon) = request.epsilon_rad {
+        let at = At::root("epsilon_rad");
+        step.edges = EdgeRule::Sampled(check::within(&at, epsilon, [0.0005, 0.1], " rad")?);
+    }
+    step.may_shift = request.shift == PlanShift::Auto;
+    step.preload = request.preload;
+    step.drive_hold = request.drive_hold;
     if let Some(budget) = request.budget {
         let budget = check::within(&At::root("budget"), budget as f64, [2.0, 1e6], "")?;
         step.sbl.max_milestones = budget as usize;
@@ -111,6 +121,19 @@ fn step_request(scene: &Scene, request: &PlanRequest) -> Result<StepRequest, Req
         step.smooth.max_edges = edges as usize;
     }
     Ok(step)
+}
+
+fn buffers(request: &PlanRequest) -> Result<Buffers, RequestError> {
+    let buffer = |at: At<'_>, name: &str, value: Option<f64>| {
+        check::within(&at.field(name), value.unwrap_or(0.0), [0.0, 1.0], " m")
+    };
+    let asked = &request.buffers;
+    let (at, tolerances) = (At::root("buffers"), At::root("tolerances"));
+    Ok(Buffers {
+        terrain_lift: buffer(at, "terrain_lift_m", asked.terrain_lift_m)?,
+        obstacle: buffer(At::root("buffers"), "obstacle_m", asked.obstacle_m)?,
+        inflation: buffer(tolerances, "inflation_m", request.tolerances.inflation_m)?,
+    })
 }
 
 fn answer(
@@ -151,6 +174,9 @@ fn answer(
             first_path_rad: statistics.first_path,
             length_rad: statistics.length,
             straight_rad: statistics.straight,
+            planner: statistics.planner.map(path_planner),
+            edges: statistics.n_edges,
+            certified: statistics.certified,
         },
         basis: PlanBasis {
             state_hash: state_hash(&scene.configuration),
@@ -169,14 +195,35 @@ fn answer(
             .iter()
             .map(|(time_s, margin_m)| PlanMargin { time_s: *time_s, margin_m: *margin_m })
             .collect(),
+        constraint: found.constraint.as_ref().map(|constraint| PlanConstraint {
+            name: constraint.name.into(),
+            missing: constraint.missing.filter(|missing| missing.is_finite()),
+            unit: constraint.unit.into(),
+            detail: found.reason.clone(),
+        }),
+        nearest_m: found.nearest.as_ref().map(convert::point),
+        retreat: Vec::new(),
+        preload_n: found.preload,
+    }
+}
+
+fn path_planner(planner: motion::PathPlanner) -> PathPlanner {
+    match planner {
+        motion::PathPlanner::JointLine => PathPlanner::JointLine,
+        motion::PathPlanner::AStar => PathPlanner::Astar,
+        motion::PathPlanner::Sbl => PathPlanner::Sbl,
+        motion::PathPlanner::RrtConnect => PathPlanner::RrtConnect,
+        motion::PathPlanner::Line => PathPlanner::Line,
     }
 }
 
 fn phase(phase: Phase) -> PlanPhase {
     match phase {
+        Phase::Shift => PlanPhase::Shift,
         Phase::Lift => PlanPhase::Lift,
         Phase::Transit => PlanPhase::Transit,
         Phase::Drop => PlanPhase::Drop,
+        Phase::Preload => PlanPhase::Preload,
     }
 }
 
@@ -185,6 +232,8 @@ fn waypoint(waypoint: &Waypoint) -> PlanWaypoint {
         joints_rad: waypoint.angles.iter().copied().collect(),
         phase: phase(waypoint.phase),
         time_s: waypoint.time,
+        stance: None,
+        hold: waypoint.hold,
     }
 }
 
@@ -202,7 +251,7 @@ fn finding(finding: &Finding) -> PlanFinding {
 /// One command for each phase, each beginning where the one before ends.
 fn commands(robot: &Robot, leg: LegId, waypoints: &[Waypoint]) -> Vec<PlanCommand> {
     let name = &robot.leg(leg).name;
-    [Phase::Lift, Phase::Transit, Phase::Drop]
+    [Phase::Lift, Phase::Transit, Phase::Drop, Phase::Preload]
         .into_iter()
         .filter_map(|part| {
             let first = waypoints.iter().skip(1).position(|w| w.phase == part)? + 1;
@@ -216,6 +265,8 @@ fn commands(robot: &Robot, leg: LegId, waypoints: &[Waypoint]) -> Vec<PlanComman
                 Phase::Lift => format!("Lift {name}"),
                 Phase::Transit => format!("Move {name} over the footfall"),
                 Phase::Drop => format!("Put {name} down"),
+                Phase::Preload => format!("Press {name} down"),
+                Phase::Shift => "Shift the body".into(),
             };
             let body = CommandBody::JointPath { leg: name.clone(), knots: knots.collect() };
             let duration_s = waypoints[last].time - start_s;

@@ -139,7 +139,6 @@ fn cases() -> Vec<(&'static str, String, &'static str, &'static str)> {
         // plans
         (p, "{}".into(), "missing_field", ""),
         (p, plan("\"leg\":\"leg2\""), "wrong_type", ""),
-        (p, plan("\"planner\":\"astar\""), "not_supported", "planner"),
         (p, plan("\"planner\":\"magic\""), "wrong_type", "planner"),
         (p, plan("\"lift_m\":3"), "out_of_range", "lift_m"),
         (p, plan("\"budget\":0"), "out_of_range", "budget"),

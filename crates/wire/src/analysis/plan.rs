@@ -5,7 +5,7 @@ use utoipa::ToSchema;
 
 use super::StabilityPreference;
 use crate::live::{CommandBody, Footfall};
-use crate::scene::Scene;
+use crate::scene::{RoverState, Scene};
 
 /// `POST /analysis/plan` and `POST /plans`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -46,6 +46,51 @@ pub struct PlanRequest {
     /// How the path is shortened.
     #[serde(default)]
     pub smoothing: PlanSmoothing,
+    /// Cell of the A* planner (m), 0.02 to 1 times the robot's scale; 0.2 times the scale where
+    /// absent (F80).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cell_m: Option<f64>,
+    /// Check edges at this resolution (rad, largest joint), 0.0005 to 0.1, as published (F67). Where
+    /// absent edges are certified: free at every resolution. What is offered is certified anyway.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub epsilon_rad: Option<f64>,
+    /// Safety buffers as in FootFall (F84, F86).
+    #[serde(default)]
+    pub buffers: PlanBuffers,
+    /// May the body be shifted over its feet first, where the margin rule asks for it?
+    #[serde(default)]
+    pub shift: PlanShift,
+    /// Press the wheel to its predicted load before the step ends; true where absent.
+    #[serde(default = "yes")]
+    pub preload: bool,
+    /// Let the wheel drives hold the standing wheels in place while forks pitch, instead of the
+    /// brakes (a stance of five constraints a wheel).
+    #[serde(default)]
+    pub drive_hold: bool,
+}
+
+/// Safety buffers of a plan (m). They never raise the ground under a standing wheel, under the start
+/// or under the goal.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlanBuffers {
+    /// The ground is raised by this much for the transit (m), 0 to 1 (F84; FootFall took 0.15).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub terrain_lift_m: Option<f64>,
+    /// Clearance added about obstacles (m), 0 to 1 (F86).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub obstacle_m: Option<f64>,
+}
+
+/// May a plan shift the body over its feet first?
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PlanShift {
+    /// Where the margin rule asks for it.
+    #[default]
+    Auto,
+    /// Never: the answer then says what is missing.
+    Never,
 }
 
 /// Where a step goes: exactly one of `position_m` and `joints_rad`.
@@ -64,14 +109,16 @@ pub struct PlanTarget {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Planner {
-    /// The straight line in joint space if it is free, else SBL.
+    /// A* on a coarse grid first, SBL where it fails (F81).
     #[default]
     Auto,
-    /// Single-query, bi-directional, lazy.
+    /// Single-query, bi-directional, lazy (F68-F74).
     Sbl,
-    /// A*: not supported by this version.
+    /// A* of the wheel on a grid in task space (F80).
     Astar,
-    /// The wheel along a straight line: fragile, for comparison.
+    /// Two rapidly growing random trees.
+    RrtConnect,
+    /// The wheel along a straight line: fragile, for comparison (F59).
     Line,
 }
 
@@ -85,6 +132,9 @@ pub struct PlanTolerances {
     /// Any two bodies (m), 0 to 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pairs_m: Option<f64>,
+    /// Added to every clearance (m), 0 to 1: tracking error, predicted sag and error of the map.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub inflation_m: Option<f64>,
 }
 
 /// How a path is shortened.
@@ -105,6 +155,10 @@ pub struct PlanSmoothing {
 
 fn one() -> u64 {
     1
+}
+
+fn yes() -> bool {
+    true
 }
 
 /// Answer to [`PlanRequest`]: a planned step, or why there is none.
@@ -136,6 +190,33 @@ pub struct PlanAnswer {
     pub footfall: Option<Footfall>,
     /// Margin of stability along the plan.
     pub margins: Vec<PlanMargin>,
+    /// Where there is no plan: which constraint is in the way, and how much is missing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub constraint: Option<PlanConstraint>,
+    /// Where there is no plan: the nearest place on the ground for which there would be one, in
+    /// `world` (m), where one was found.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nearest_m: Option<[f64; 3]>,
+    /// The way back from the end of each command to where the step began: the same path, backward,
+    /// last part first. It begins with the part that undoes the last command that was executed.
+    pub retreat: Vec<PlanCommand>,
+    /// Load that the wheel is pressed to before it is relied on (N).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub preload_n: Option<f64>,
+}
+
+/// What is in the way of a plan.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct PlanConstraint {
+    /// `reach`, `joint_limits`, `ground`, `unknown_ground`, `clearance`, `stability`, `torque` or
+    /// `search` (the work budget).
+    pub name: String,
+    /// How much is missing, in `unit`; absent where no figure says it.
+    pub missing: Option<f64>,
+    /// `m`, `rad` or `share`.
+    pub unit: String,
+    /// In a sentence.
+    pub detail: String,
 }
 
 /// A knot of the leg's path.
@@ -147,6 +228,11 @@ pub struct PlanWaypoint {
     pub phase: PlanPhase,
     /// Time after the start of the step (s).
     pub time_s: f64,
+    /// The whole rover here: only where the body has been shifted, or is being shifted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stance: Option<RoverState>,
+    /// May the rover be held here for as long as one likes (the margin rule holds at rest)?
+    pub hold: bool,
 }
 
 /// Part of a step.
@@ -161,6 +247,8 @@ pub enum PlanPhase {
     Transit,
     /// The wheel comes down.
     Drop,
+    /// The wheel is pressed to its load before it is relied on.
+    Preload,
 }
 
 /// A command of a plan.
@@ -212,6 +300,29 @@ pub struct PlanStatistics {
     pub length_rad: f64,
     /// Length of the straight line (rad).
     pub straight_rad: f64,
+    /// The planner that found the first path: `joint_line`, `astar`, `sbl`, `rrt_connect`, `line`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub planner: Option<PathPlanner>,
+    /// Edges asked for by search and smoothing.
+    pub edges: u64,
+    /// True if every piece of the motion is certified: free at every resolution.
+    pub certified: bool,
+}
+
+/// A planner that finds paths.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PathPlanner {
+    /// The straight line in joint space.
+    JointLine,
+    /// A* of the wheel on a grid.
+    Astar,
+    /// Single-query, bi-directional, lazy.
+    Sbl,
+    /// Two rapidly growing random trees.
+    RrtConnect,
+    /// The wheel along a straight line.
+    Line,
 }
 
 /// What a plan rests on.
