@@ -4,7 +4,7 @@ import { Group, Mesh, MeshBasicMaterial, RingGeometry, Vector3 } from "three";
 
 import type { Vec3 } from "../api/types";
 import type { HeightRaster } from "./heightRaster";
-import { clearGroup, line } from "./lines";
+import { clearGroup, keptMaterial, line } from "./lines";
 
 const ACCENT = "#7cbcff";
 /** Where there is no plan: told apart by its cross as well, and no status. */
@@ -145,7 +145,17 @@ function nearestRing(raster: HeightRaster | null, at: Vec3, radius_m: number, op
 function footfallRing({ at, normal, radius_m }: FootfallMark, opacity: number): Mesh {
   const ring = new Mesh(
     new RingGeometry(radius_m * 0.82, radius_m, TURN),
-    new MeshBasicMaterial({ color: ACCENT, transparent: true, opacity, depthTest: false, side: 2 }),
+    keptMaterial(
+      `footfall ${opacity}`,
+      () =>
+        new MeshBasicMaterial({
+          color: ACCENT,
+          transparent: true,
+          opacity,
+          depthTest: false,
+          side: 2,
+        }),
+    ),
   );
   const up = new Vector3(...normal).normalize();
   ring.quaternion.setFromUnitVectors(new Vector3(0, 0, 1), up);

@@ -185,8 +185,7 @@ function Missing({ plan }: { plan: PlanAnswer }) {
       {near && (
         <div className="row between">
           <span className="quiet small">
-            {target &&
-              `A place ${metres(Math.hypot(near[0] - target[0], near[1] - target[1]))} off would do`}
+            {target && `${metres(Math.hypot(near[0] - target[0], near[1] - target[1]))} away`}
           </span>
           <button
             type="button"

@@ -75,7 +75,7 @@ function Missing({ answer, target_m }: { answer: PlanAnalysis; target_m: Vec3 })
       {why && <span className="follow-why">{why}</span>}
       <Took answer={answer}>
         {near &&
-          `nearest place ${metres(Math.hypot(near[0] - target_m[0], near[1] - target_m[1]))} off`}
+          `nearest place ${metres(Math.hypot(near[0] - target_m[0], near[1] - target_m[1]))} away`}
       </Took>
     </>
   );
