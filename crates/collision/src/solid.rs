@@ -4,8 +4,9 @@ use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use parry3d_f64::math::{Pose, Vector};
 use parry3d_f64::query::{ClosestPoints, closest_points};
 use parry3d_f64::shape::{Shape as ParryShape, SharedShape};
-use rover::{LinkId, Robot, Shape};
+use rover::{Frame, LinkId, Robot, Shape};
 
+use crate::form::{Core, Form};
 use crate::pairs::Body;
 
 /// A shape of a link as parry wants it.
@@ -14,9 +15,10 @@ pub(crate) struct Part {
     pub link: LinkId,
     pub body: Body,
     pub shape: SharedShape,
+    /// The same for quick tests.
+    pub form: Form,
+    pub core: Core,
     pub link_from_part: Isometry3<f64>,
-    /// Radius of the sphere about the part's origin that holds it (m).
-    pub radius: f64,
     /// True for the wheel itself, which may touch the ground.
     pub is_wheel: bool,
 }
@@ -31,24 +33,27 @@ pub(crate) fn parts_of(robot: &Robot) -> Vec<Part> {
         let body = Body::of(robot, id);
         let is_wheel = robot.legs().iter().any(|leg| leg.wheel_link == id);
         for placed in &link.shapes {
-            let (shape, turn, radius) = match placed.shape {
+            let (shape, turn, form) = match placed.shape {
                 Shape::Box { half_extents: h } => {
-                    (SharedShape::cuboid(h.x, h.y, h.z), UnitQuaternion::identity(), h.norm())
+                    let shape = SharedShape::cuboid(h.x, h.y, h.z);
+                    (shape, UnitQuaternion::identity(), Form::Box { half: h })
                 }
-                Shape::Cylinder { radius, half_length } => {
-                    let shape = SharedShape::cylinder(half_length, radius);
-                    (shape, upright, radius.hypot(half_length))
+                Shape::Cylinder { radius, half_length: half } => {
+                    let shape = SharedShape::cylinder(half, radius);
+                    (shape, upright, Form::Cylinder { radius, half })
                 }
-                Shape::Capsule { radius, half_length } => {
-                    let shape = SharedShape::capsule_y(half_length, radius);
-                    (shape, upright, radius + half_length)
+                Shape::Capsule { radius, half_length: half } => {
+                    let shape = SharedShape::capsule_y(half, radius);
+                    (shape, upright, Form::Capsule { radius, half })
                 }
                 Shape::Sphere { radius } => {
-                    (SharedShape::ball(radius), UnitQuaternion::identity(), radius)
+                    let shape = SharedShape::ball(radius);
+                    (shape, UnitQuaternion::identity(), Form::Sphere { radius })
                 }
             };
             let link_from_part = placed.link_from_shape * turn;
-            parts.push(Part { link: id, body, shape, link_from_part, radius, is_wheel });
+            let core = form.core();
+            parts.push(Part { link: id, body, shape, form, core, link_from_part, is_wheel });
         }
     }
     parts
@@ -57,6 +62,10 @@ pub(crate) fn parts_of(robot: &Robot) -> Vec<Part> {
 /// The edge to parry: glam poses from nalgebra ones.
 pub(crate) fn to_pose(isometry: &Isometry3<f64>) -> Pose {
     Pose::from(*isometry)
+}
+
+pub(crate) fn pose_of(frame: &Frame) -> Pose {
+    to_pose(&frame.to_isometry())
 }
 
 pub(crate) fn to_parry_point(p: &Point3<f64>) -> Vector {

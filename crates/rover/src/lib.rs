@@ -8,9 +8,11 @@
 //! - [`Robot`]: links, joints, [`Leg`]s, tolerances, poses ([`Robot::scaled`],
 //!   [`Robot::with_payloads`]).
 //! - [`Configuration`]: base pose and joint angles; [`Posture`]: where every link then is.
+//! - [`LegChain`]: one leg's kinematics made fast, and how far its points can get.
 //! - [`LegIk`]: all branches of a leg that ends in a spherical wrist, in closed form.
 //! - [`WheelPose`]: where a wheel is and where it touches.
 
+mod chain;
 mod config;
 mod ik;
 mod model;
@@ -20,6 +22,7 @@ mod statics;
 mod urdf;
 mod wheel;
 
+pub use chain::{Frame, LegChain, LegFrames, place_of};
 pub use config::{MotionLimits, StanceRules, Tolerances};
 pub use ik::{Branch, IkSolution, LegIk, Unreachable};
 pub use model::{Joint, JointKind, Leg, LegId, Link, LinkId, ModelError, Payload, Robot};

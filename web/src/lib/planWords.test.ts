@@ -1,7 +1,15 @@
 import { describe, expect, it } from "vitest";
 
 import type { PlanAnswer } from "../api/types";
-import { inTheWay, inTheWayOf, milliseconds, missingFigure, whySentence } from "./planWords";
+import {
+  inTheWay,
+  inTheWayOf,
+  milliseconds,
+  missingFigure,
+  phaseSpans,
+  wayBack,
+  whySentence,
+} from "./planWords";
 
 type Missing = [name: string, missing: number | null, unit: string];
 
@@ -45,4 +53,28 @@ describe("what is in the way of a plan", () => {
 
 it("times have a decimal while they are short", () => {
   expect([3.44, 9.97, 72.8].map(milliseconds)).toEqual(["3.4 ms", "10 ms", "73 ms"]);
+});
+
+describe("the parts of a plan", () => {
+  const at = (phase: string, time_s: number) =>
+    ({ phase, time_s }) as Parameters<typeof phaseSpans>[0][number];
+
+  it("run from where the part before them ends", () => {
+    const waypoints = [at("shift", 0), at("shift", 4), at("shift", 8), at("lift", 10)];
+    expect(phaseSpans([...waypoints, at("transit", 15)])).toEqual([
+      { phase: "shift", from_s: 0, to_s: 8 },
+      { phase: "lift", from_s: 8, to_s: 10 },
+      { phase: "transit", from_s: 10, to_s: 15 },
+    ]);
+    expect(phaseSpans([])).toEqual([]);
+  });
+
+  it("are undone from the last that was executed", () => {
+    const [lift, move, drop] = ["lift", "move", "drop"].map(
+      (title) => ({ title }) as Parameters<typeof wayBack>[0]["commands"][number],
+    );
+    const plan = { commands: [lift!, move!, drop!], retreat: [drop!, move!, lift!] };
+    const titles = (done: number) => wayBack(plan, done).map((c) => c.title);
+    expect([0, 1, 2].map(titles)).toEqual([[], ["lift"], ["move", "lift"]]);
+  });
 });
