@@ -81,9 +81,8 @@ pub(crate) fn near_ground(
     let map = scene.map();
     let aabb = placed.aabb(&part.form);
     let center = placed.center();
-    let (min, max) = (aabb.0.xy(), aabb.1.xy());
-    let (wide_min, wide_max) = grown(&aabb, required);
-    if beside_map(scene, min, max) || over_a_hole(scene, wide_min, wide_max) {
+    let (min, max) = grown(&aabb, required);
+    if beside_map(scene, min, max) || over_a_hole(scene, min, max) {
         return GroundNear::Unknown(center);
     }
     if let Some(ground) = map.height_at(center.xy()) {

@@ -1,6 +1,8 @@
 //! The leg checker and the survey.
 
-use collision::{Allowance, ContactZone, LegChecker, Obstacle, Scene, SceneError, Touch, survey};
+use collision::{
+    Allowance, Certifier, ContactZone, LegChecker, Obstacle, Scene, SceneError, Touch, survey,
+};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -15,6 +17,16 @@ fn standing(robot: &Robot, pose: &str) -> Configuration {
     let low = posture.wheel(robot, LegId(0)).lowest_point(&Vector3::z_axis());
     configuration.world_from_base.translation.z = -low.z;
     configuration
+}
+
+/// Angles of the first leg with its wheel moved by `shift` (m), by the nearest branch.
+fn moved(robot: &Robot, configuration: &Configuration, shift: Vector3<f64>) -> LegAngles {
+    let posture = Posture::new(robot, configuration);
+    let goal = Isometry3::from(shift) * posture.wheel(robot, LegId(0)).world_from_wheel;
+    let branches = posture.inverse_kinematics(robot, LegId(0), &goal).unwrap();
+    let off = |q: &LegAngles| (q - configuration.legs[0]).amax();
+    let angles = branches.iter().map(|branch| branch.angles);
+    angles.min_by(|a, b| off(a).total_cmp(&off(b))).unwrap()
 }
 
 #[test]
@@ -111,6 +123,29 @@ fn the_moving_wheel_may_touch_only_in_its_zone() {
     assert_eq!(checker.violation(&posture, Some(&zone(contact))), None);
     let elsewhere = contact + Vector3::new(0.3, 0.0, 0.0);
     assert!(checker.collision(&posture, Some(&zone(elsewhere))).is_some());
+}
+
+#[test]
+fn a_wheel_that_leaves_the_map_by_a_little_is_never_certified() {
+    let robot = athlete();
+    let mut configuration = standing(&robot, "bent");
+    configuration.world_from_base.translation.z += 0.3;
+    let posture = Posture::new(&robot, &configuration);
+    // The map ends 1 cm beside the wheel's tread, measured with the leg straight ahead.
+    let edge = posture.wheel(&robot, LegId(0)).center().x + 0.264 + 0.01;
+    let map = terrain::ElevationMap::plane(edge, edge).unwrap();
+    let scene = Scene::new(robot.clone(), map, &[]).unwrap();
+    let checker = LegChecker::new(&scene, &posture, LegId(0), Some(0.0), None);
+    let mut certifier = Certifier::new(&checker);
+    let ahead = |by: f64| moved(&robot, &configuration, Vector3::x() * by);
+    let inside = ahead(-0.03);
+    assert!(certifier.certify(&inside, &ahead(0.005), Allowance::default()).is_free());
+    for beyond in [0.015, 0.03, 0.05, 0.1] {
+        let end = certifier.violation(&ahead(beyond), Allowance::default()).unwrap();
+        assert!(matches!(end.touch, Touch::UnknownGround(_)), "{end:?}");
+        let whole = certifier.certify(&inside, &ahead(beyond), Allowance::default());
+        assert!(!whole.is_free(), "{beyond} m ahead: {whole:?}");
+    }
 }
 
 #[test]
