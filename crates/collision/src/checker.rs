@@ -846,6 +846,7 @@ impl Scratch {
 /// piece, and to all of it if `surely`.
 fn better(first: Look, second: Look, surely: bool) -> Look {
     match (first, second) {
+        (Look::Clear, _) => Look::Clear,
         (_, Look::Clear) if surely => Look::Clear,
         (_, Look::Clear | Look::Open) => Look::Open,
         (Look::Violated(_), violated) => violated,

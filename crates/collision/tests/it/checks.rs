@@ -1,7 +1,7 @@
 //! The leg checker and the survey.
 
 use collision::{
-    Allowance, Certifier, ContactZone, LegChecker, Obstacle, Scene, SceneError, Touch, survey,
+    Allowance, Certifier, ContactZone, Keep, LegChecker, Obstacle, Scene, SceneError, Touch, survey,
 };
 use nalgebra::{Isometry3, Point3, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -145,6 +145,33 @@ fn a_wheel_that_leaves_the_map_by_a_little_is_never_certified() {
         assert!(matches!(end.touch, Touch::UnknownGround(_)), "{end:?}");
         let whole = certifier.certify(&inside, &ahead(beyond), Allowance::default());
         assert!(!whole.is_free(), "{beyond} m ahead: {whole:?}");
+    }
+}
+
+#[test]
+fn a_lift_from_a_footfall_in_raised_ground_is_certified_across_the_zones_top() {
+    let scene = on_plane();
+    let robot = scene.robot();
+    let configuration = standing(robot, "bent");
+    let posture = Posture::new(robot, &configuration);
+    let wheel = posture.wheel(robot, LegId(0));
+    let zone = ContactZone {
+        contact: wheel.lowest_point(&Vector3::z_axis()),
+        center: wheel.center(),
+        radius: 0.15,
+        height: 0.05,
+        ground_tolerance: 0.02,
+    };
+    let keep = Keep { terrain_lift: 0.15, footfalls: vec![wheel.center().xy()], ..Keep::default() };
+    let checker = LegChecker::keeping(&scene, &posture, LegId(0), keep);
+    let mut certifier = Certifier::new(&checker);
+    for up in (6..20).map(|cm| f64::from(cm) * 0.01) {
+        let lifted = moved(robot, &configuration, Vector3::z() * up);
+        for raised in [false, true] {
+            let allowance = Allowance { zone: Some(&zone), raised };
+            let lift = certifier.certify(&configuration.legs[0], &lifted, allowance);
+            assert!(lift.is_free(), "{up} m, raised {raised}: {lift:?}");
+        }
     }
 }
 
