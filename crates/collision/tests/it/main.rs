@@ -7,8 +7,13 @@ use collision::Scene;
 use rover::Robot;
 use terrain::ElevationMap;
 
+mod bounds;
+mod certificates;
 mod checks;
+mod motion;
+mod oracle;
 mod wheels;
+mod worlds;
 
 fn athlete() -> Arc<Robot> {
     let folder = "robots/athlete/";
@@ -22,6 +27,11 @@ fn athlete() -> Arc<Robot> {
 
 fn plane() -> ElevationMap {
     ElevationMap::plane(20.0, 0.5).expect("a plane is a map")
+}
+
+/// How many cases a test looks at: `full` where `FOOTFALL_FULL` is 1, else `ordinary`.
+fn cases(ordinary: usize, full: usize) -> usize {
+    if std::env::var("FOOTFALL_FULL").is_ok_and(|v| v == "1") { full } else { ordinary }
 }
 
 fn on_plane() -> Scene {
