@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use rover::LegAngles;
 
-use crate::space::{Space, distance, edge_is_free, path_length};
+use crate::space::{Space, distance, edge_is_sampled_free, path_length};
 use crate::watch::{Stopped, Watch};
 
 /// When to stop smoothing.
@@ -96,7 +96,7 @@ fn shortest(
             return Err(stopped);
         }
         *edges_left -= 1;
-        free.insert((a, b), edge_is_free(space, &nodes[a], &nodes[b], options.epsilon));
+        free.insert((a, b), space.edge_is_free(&nodes[a], &nodes[b]));
     }
 }
 
@@ -157,6 +157,15 @@ mod tests {
         fn is_free(&mut self, q: &LegAngles) -> bool {
             q[0].hypot(q[1]) > 0.5
         }
+        fn edge_is_free(&mut self, a: &LegAngles, b: &LegAngles) -> bool {
+            edge_is_sampled_free(self, a, b, 0.01)
+        }
+        fn epsilon(&self) -> Option<f64> {
+            Some(0.01)
+        }
+        fn n_checked(&self) -> u64 {
+            0
+        }
     }
 
     fn at(x: f64, y: f64) -> LegAngles {
@@ -176,7 +185,7 @@ mod tests {
         assert!(length >= taut - 1e-3, "{length} is shorter than the taut string {taut}");
         assert!(length < 1.10 * taut, "{length} against {taut}");
         for w in short.windows(2) {
-            assert!(edge_is_free(&mut space, &w[0], &w[1], 0.01));
+            assert!(space.edge_is_free(&w[0], &w[1]));
         }
         assert_eq!((short[0], short[short.len() - 1]), (detour[0], detour[4]));
     }
