@@ -388,9 +388,10 @@ impl<'a> Planning<'a> {
         };
         self.statistics.first_path = path_length(&first);
         watch.entered(Stage::Smoothing);
-        let path = smooth(space, &first, &self.request.smooth, watch)?;
-        self.statistics.length = path_length(&path);
-        Ok(path)
+        let smoothed = smooth(space, &first, &self.request.smooth, watch)?;
+        self.statistics.n_edges += smoothed.n_edges;
+        self.statistics.length = path_length(&smoothed.path);
+        Ok(smoothed.path)
     }
 
     fn search(

@@ -69,12 +69,14 @@ pub struct Synthetic {
     pub solids: Vec<Solid>,
     pub epsilon: Option<f64>,
     pub n_checked: u64,
+    /// What the most expensive edge cost.
+    pub worst_edge: u64,
 }
 
 impl Synthetic {
-    pub fn new(solids: Vec<Solid>, epsilon: Option<f64>) -> Synthetic {
+    fn new(solids: Vec<Solid>) -> Synthetic {
         let upper = LegAngles::new(2.0, 2.0, 2.0, 2.5, 1.4, 2.5);
-        Synthetic { lower: -upper, upper, solids, epsilon, n_checked: 0 }
+        Synthetic { lower: -upper, upper, solids, epsilon: None, n_checked: 0, worst_edge: 0 }
     }
 
     fn clearance(&self, q: &LegAngles) -> f64 {
@@ -103,6 +105,12 @@ impl Synthetic {
         !self.solids.iter().any(|s| s.meets(&place(a), &place(b)))
     }
 
+    /// The same scene with edges sampled at ε (rad, largest joint).
+    pub fn sampled(mut self, epsilon: f64) -> Synthetic {
+        self.epsilon = Some(epsilon);
+        self
+    }
+
     /// Is every point of the path free when looked at every `resolution` (rad)?
     pub fn is_free_by_brute_force(&self, path: &[LegAngles], resolution: f64) -> bool {
         path.windows(2).all(|w| {
@@ -127,12 +135,15 @@ impl Space for Synthetic {
         self.clearance(q) > 0.0
     }
     fn edge_is_free(&mut self, a: &LegAngles, b: &LegAngles) -> bool {
-        match self.epsilon {
+        let before = self.n_checked;
+        let is_free = match self.epsilon {
             Some(epsilon) => {
                 self.is_free(a) && self.is_free(b) && edge_is_sampled_free(self, a, b, epsilon)
             }
             None => self.is_certified(a, b),
-        }
+        };
+        self.worst_edge = self.worst_edge.max(self.n_checked - before);
+        is_free
     }
     fn epsilon(&self) -> Option<f64> {
         self.epsilon
@@ -180,7 +191,7 @@ pub fn cluttered(seed: u64) -> (Synthetic, Query) {
             Solid::Box { center, half: Vector3::from_fn(|_, _| rng.random_range(0.1..0.7)) }
         });
     }
-    let space = Synthetic::new(solids, None);
+    let space = Synthetic::new(solids);
     let mut free = |side: f64| loop {
         let unit = LegAngles::from_fn(|_, _| rng.random_range(-0.8..0.8));
         let mut q = unit.component_mul(&space.upper);
@@ -212,13 +223,13 @@ pub fn window(side: f64, thickness: f64, seed: u64) -> (Synthetic, Query) {
     let mut start = LegAngles::from_fn(|_, _| rng.random_range(-1.0..1.0));
     let mut goal = LegAngles::from_fn(|_, _| rng.random_range(-1.0..1.0));
     (start[0], goal[0]) = (-1.2, 1.2);
-    (Synthetic::new(solids, None), query(start, goal, seed))
+    (Synthetic::new(solids), query(start, goal, seed))
 }
 
-/// A wall without a window.
-pub fn closed(seed: u64) -> (Synthetic, Query) {
-    let (mut space, query) = window(0.5, 0.1, seed);
-    let half = Vector3::new(0.05, 3.0, 3.0);
+/// A wall of this thickness without a window.
+pub fn closed(thickness: f64, seed: u64) -> (Synthetic, Query) {
+    let (mut space, query) = window(0.5, thickness, seed);
+    let half = Vector3::new(thickness / 2.0, 3.0, 3.0);
     space.solids = vec![Solid::Box { center: Vector3::zeros(), half }];
     (space, query)
 }
