@@ -9,10 +9,14 @@
 //! - [`check`]: the final check, which alone decides whether a step may be offered.
 
 mod answer;
+pub mod astar;
 pub mod check;
 mod failure;
 mod leg_space;
 pub mod line;
+mod nearest;
+pub mod planner;
+pub mod rrt_connect;
 pub mod sbl;
 pub mod smooth;
 pub mod space;

@@ -8,8 +8,10 @@ use nalgebra::Vector3;
 use rover::{Configuration, LegId, Payload, Posture, Robot};
 use terrain::ElevationMap;
 
+mod planners;
 mod sbl_scenes;
 mod steps;
+mod synthetic;
 
 fn athlete() -> Robot {
     let folder = "robots/athlete/";
