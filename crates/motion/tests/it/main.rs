@@ -9,6 +9,7 @@ use rover::{Configuration, LegId, Payload, Posture, Robot};
 use terrain::ElevationMap;
 
 mod sbl_scenes;
+mod shift;
 mod steps;
 
 fn athlete() -> Robot {
