@@ -10,6 +10,7 @@ use terrain::ElevationMap;
 
 mod planners;
 mod sbl_scenes;
+mod shift;
 mod steps;
 mod synthetic;
 
