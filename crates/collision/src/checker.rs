@@ -122,7 +122,7 @@ pub(crate) struct Moving<'a> {
     pub part: &'a Part,
     pub place: usize,
     place_from_part: Frame,
-    is_foot: bool,
+    pub is_foot: bool,
     /// Clearance that each other moving part keeps from it (m).
     required: Vec<Option<f64>>,
 }
@@ -178,12 +178,14 @@ pub(crate) struct Moment<'m> {
     pub fine: bool,
     /// Only touching counts: no clearance is kept.
     pub touch_only: bool,
+    /// Counts as a way that every body may go (m).
+    pub extra: f64,
 }
 
 impl Moment<'_> {
     /// One configuration.
     pub fn still<'m>(frames: &'m LegFrames, allowance: Allowance<'m>) -> Moment<'m> {
-        Moment { frames, change: &STILL, allowance, fine: true, touch_only: false }
+        Moment { frames, change: &STILL, allowance, fine: true, touch_only: false, extra: 0.0 }
     }
 
     fn required(&self, required: f64) -> f64 {
@@ -572,13 +574,14 @@ impl<'a> LegChecker<'a> {
         let (outer, inner, here) =
             if first.place >= second.place { (first, second, a) } else { (second, first, b) };
         let [p, q] = here.placed.ends();
-        let motion = moment.frames.motion_bound(
-            outer.place,
-            inner.place + 1,
-            [&p, &q],
-            here.placed.radius,
-            moment.change,
-        );
+        let motion = moment.extra
+            + moment.frames.motion_bound(
+                outer.place,
+                inner.place + 1,
+                [&p, &q],
+                here.placed.radius,
+                moment.change,
+            );
         let required = moment.required(required);
         let places = [&a.placed, &b.placed];
         look_at_pair(moment, [first.part, second.part], places, required, motion)
@@ -807,7 +810,7 @@ impl Scratch {
         let placed = Placed::new(frame, &moving.part.core);
         let [a, b] = placed.ends();
         let motion = if std::ptr::eq(moment.change, &STILL) {
-            0.0
+            moment.extra
         } else {
             moment.frames.motion_bound(moving.place, 0, [&a, &b], placed.radius, moment.change)
         };

@@ -4,8 +4,9 @@
 //! cancellation come in through a [`Watch`]. Outcomes are answers, not errors. Frame `world`,
 //! meters, radians, seconds.
 //!
-//! - [`plan_step`]: lift, transit and drop of one leg (F75), or its transit alone.
-//! - [`sbl`]: the planner as published (F68-F74); [`smooth`]: Dijkstra and bisection (F77-F79).
+//! - [`plan_step`]: body shift, lift, transit and drop of one leg (F75), or its transit alone.
+//! - [`planner`]: the planners behind one trait (F60): [`astar`], [`sbl`], [`rrt_connect`].
+//! - [`smooth`]: Dijkstra and bisection as published (F77-F79), then a taut string.
 //! - [`shift`]: the body over its planted feet, before a leg is lifted.
 //! - [`check`]: the final check, which alone decides whether a step may be offered.
 
@@ -23,6 +24,7 @@ pub mod shift;
 pub mod smooth;
 pub mod space;
 mod step;
+mod transit;
 mod watch;
 
 pub use answer::{
