@@ -5,7 +5,9 @@
 //! meters, radians, seconds.
 //!
 //! - [`plan_step`]: lift, transit and drop of one leg (F75), or its transit alone.
-//! - [`sbl`]: the planner as published (F68-F74); [`smooth`]: Dijkstra and bisection (F77-F79).
+//! - [`planner`]: what every planner is asked and answers (F60): [`sbl`] as published (F68-F74),
+//!   [`astar`] of the wheel on a grid (F80), [`rrt_connect`].
+//! - [`smooth`]: Dijkstra and bisection (F77-F79), then a taut string.
 //! - [`shift`]: the body over its planted feet, before a leg is lifted.
 //! - [`check`]: the final check, which alone decides whether a step may be offered.
 
