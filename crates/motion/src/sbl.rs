@@ -13,17 +13,17 @@
 //! The result depends on the space and the query alone. Failure within the work budget is no proof
 //! that there is no path (F73, F74).
 
-use std::collections::BTreeMap;
+mod tree;
 
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rover::LegAngles;
 
 use crate::answer::PathPlanner;
-use crate::nearest::Points;
 use crate::planner::{Meter, PathSearch, Query, Search, SearchOutcome};
 use crate::space::{Space, WheelSpace, distance, middles_are_free, sample_between};
 use crate::watch::Watch;
+use tree::Tree;
 
 /// Parameters of SBL in a request (F68).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,9 +66,6 @@ impl PathSearch for Sbl {
     }
 }
 
-/// Side of the cells in which milestone density is counted (rad), over the first three joints.
-const DENSITY_CELL: f64 = 0.2;
-
 /// Samples tried around one milestone before another is picked.
 const SAMPLES_PER_PICK: u32 = 16;
 
@@ -105,22 +102,6 @@ struct Milestone {
     children: Vec<usize>,
     /// Score κ of the segment to the parent: 2^κ + 1 of its points have been checked.
     score: u32,
-}
-
-/// Milestones of one tree: by cell, so that crowded cells are not picked more often (F70), and in
-/// flat arrays, so that the nearest one is found quickly.
-#[derive(Default)]
-struct Tree {
-    cells: Vec<Cell>,
-    cell_of: BTreeMap<[i64; 3], usize>,
-    points: Points,
-    /// The milestone of each point.
-    milestones: Vec<usize>,
-}
-
-struct Cell {
-    key: [i64; 3],
-    milestones: Vec<usize>,
 }
 
 struct Growth {
@@ -217,11 +198,10 @@ impl Growth {
     ) -> Result<Option<Vec<LegAngles>>, SearchOutcome> {
         let here = &self.milestones[newest];
         let other = &self.trees[1 - here.tree];
-        let near = other.points.nearest_by_largest_joint(&here.angles);
-        let Some((slot, _)) = near.filter(|(_, gap)| *gap <= self.closeness) else {
+        let near = other.nearest(&here.angles);
+        let Some((near, _)) = near.filter(|(_, gap)| *gap <= self.closeness) else {
             return Ok(None);
         };
-        let near = other.milestones[slot];
         let (a, b) = if here.tree == 0 { (newest, near) } else { (near, newest) };
         self.test_path(space, a, b, watch)
     }
@@ -356,50 +336,6 @@ impl Growth {
     }
 }
 
-impl Tree {
-    fn key(angles: &LegAngles) -> [i64; 3] {
-        [0, 1, 2].map(|i| (angles[i] / DENSITY_CELL).floor() as i64)
-    }
-
-    /// The place of the milestone in the flat arrays.
-    fn insert(&mut self, milestone: usize, angles: &LegAngles) -> usize {
-        let key = Tree::key(angles);
-        let cell = *self.cell_of.entry(key).or_insert_with(|| {
-            self.cells.push(Cell { key, milestones: Vec::new() });
-            self.cells.len() - 1
-        });
-        self.cells[cell].milestones.push(milestone);
-        self.points.push(angles);
-        self.milestones.push(milestone);
-        self.points.len() - 1
-    }
-
-    /// Takes a milestone out; the milestone that got its place in the flat arrays, if any.
-    fn remove(&mut self, milestone: usize, angles: &LegAngles, slot: usize) -> Option<usize> {
-        self.points.swap_remove(slot);
-        self.milestones.swap_remove(slot);
-        let key = Tree::key(angles);
-        if let Some(&cell) = self.cell_of.get(&key) {
-            self.cells[cell].milestones.retain(|m| *m != milestone);
-            if self.cells[cell].milestones.is_empty() {
-                self.cell_of.remove(&key);
-                self.cells.swap_remove(cell);
-                if let Some(moved) = self.cells.get(cell) {
-                    self.cell_of.insert(moved.key, cell);
-                }
-            }
-        }
-        self.milestones.get(slot).copied()
-    }
-
-    /// A cell at random, then a milestone in it: probability against the local density. A tree
-    /// always holds its root.
-    fn pick(&self, rng: &mut impl Rng) -> usize {
-        let cell = &self.cells[rng.random_range(0..self.cells.len())].milestones;
-        cell[rng.random_range(0..cell.len())]
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -454,15 +390,13 @@ mod tests {
         assert!(growth.run(&mut space, &query, &mut Unwatched).is_err());
         for (i, milestone) in growth.milestones.iter().enumerate() {
             let tree = &growth.trees[milestone.tree];
-            assert_eq!(tree.milestones[milestone.slot], i);
-            let cell = &tree.cells[tree.cell_of[&Tree::key(&milestone.angles)]];
-            assert!(cell.milestones.contains(&i));
+            assert!(tree.holds(i, &milestone.angles, milestone.slot));
             for child in &milestone.children {
                 assert_eq!(growth.milestones[*child].parent, Some(i));
                 assert_eq!(growth.milestones[*child].tree, milestone.tree);
             }
             assert_eq!(growth.to_root(i).last(), Some(&milestone.tree), "each hangs on its root");
         }
-        assert_eq!(growth.trees[0].points.len() + growth.trees[1].points.len(), 2_000);
+        assert_eq!(growth.trees[0].len() + growth.trees[1].len(), 2_000);
     }
 }

@@ -222,7 +222,7 @@ impl Smoother<'_> {
         for joint in std::iter::once(None).chain((0..6).map(Some)) {
             let (a, b, c) = (path[i - 1], path[i], path[i + 1]);
             let ((ab, bc), here) = (((b - a).norm(), (c - b).norm()), b);
-            if ab + bc <= 0.0 {
+            if ab + bc <= 0.0 || self.is_spent() {
                 return Ok(());
             }
             let mut line = along(&a, &c, ab / (ab + bc));

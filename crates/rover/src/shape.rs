@@ -46,6 +46,16 @@ impl Shape {
         }
     }
 
+    /// Radius of the sphere about its origin that holds it (m).
+    pub fn bounding_radius(&self) -> f64 {
+        match *self {
+            Shape::Box { half_extents } => half_extents.norm(),
+            Shape::Cylinder { radius, half_length } => radius.hypot(half_length),
+            Shape::Capsule { radius, half_length } => radius + half_length,
+            Shape::Sphere { radius } => radius,
+        }
+    }
+
     /// Its sizes (m), for checks and hashes.
     pub(crate) fn sizes(&self) -> [f64; 3] {
         match *self {

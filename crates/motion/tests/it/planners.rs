@@ -59,12 +59,12 @@ fn check_search(
 #[test]
 fn certified_paths_through_clutter_are_free_by_brute_force() {
     for planner in planners() {
-        let solved = (0..150).filter(|seed| {
+        let solved = (0..100).filter(|seed| {
             let (mut space, query) = cluttered(*seed);
             check_search(planner.as_ref(), &mut space, &query).is_some()
         });
         let n_solved = solved.count();
-        assert!(n_solved >= 145, "{:?} solved {n_solved} of 150", planner.name());
+        assert!(n_solved >= 97, "{:?} solved {n_solved} of 100", planner.name());
     }
 }
 
@@ -222,7 +222,7 @@ fn smoothed_paths_are_free_short_and_have_few_knots() {
     };
     let published = SmoothOptions { max_taut_rounds: 0, ..SmoothOptions::default() };
     let (mut ratios, mut published_ratios, mut knots) = (Vec::new(), Vec::new(), Vec::new());
-    for seed in 0..90 {
+    for seed in 0..60 {
         let (mut space, query) =
             if seed % 3 == 0 { window(0.5, 0.2, seed) } else { cluttered(seed) };
         if space.is_truly_free(&query.start, &query.goal) {
@@ -235,7 +235,8 @@ fn smoothed_paths_are_free_short_and_have_few_knots() {
         }
         let mut shortened = |path: &[LegAngles], options: &SmoothOptions| {
             let smoothed = smooth(&mut space, path, options, &mut Unwatched).unwrap();
-            check_free(&space, &smoothed.path, &format!("smoothed path, seed {seed}"));
+            let mut edges = smoothed.path.windows(2);
+            assert!(edges.all(|w| space.is_truly_free(&w[0], &w[1])), "seed {seed}");
             assert_eq!(smoothed.path[0], query.start);
             assert_eq!(smoothed.path[smoothed.path.len() - 1], query.goal);
             assert!(smoothed.n_checked <= options.max_checked + space.worst_edge);
@@ -246,15 +247,16 @@ fn smoothed_paths_are_free_short_and_have_few_knots() {
         let best = lengths.fold(f64::INFINITY, f64::min);
         let first = &paths[seed as usize % paths.len()];
         let short = shortened(first, &SmoothOptions::default());
-        ratios.push(path_length(&short) / best);
         published_ratios.push(path_length(&shortened(first, &published)) / best);
+        check_free(&space, &short, &format!("smoothed path, seed {seed}"));
+        ratios.push(path_length(&short) / best);
         knots.push(short.len());
     }
     ratios.sort_by(f64::total_cmp);
     published_ratios.sort_by(f64::total_cmp);
     knots.sort_unstable();
     let (half, most) = (ratios.len() / 2, ratios.len() * 9 / 10);
-    assert!(ratios.len() > 40);
+    assert!(ratios.len() > 25);
     assert!(ratios[half] < 1.02 && ratios[most] < 1.10, "{} {}", ratios[half], ratios[most]);
     assert!(ratios[most] < published_ratios[most], "the published rounds alone are as good");
     assert!(knots[half] <= 5 && knots[ratios.len() * 3 / 4] <= 5, "{knots:?}");

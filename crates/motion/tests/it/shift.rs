@@ -75,7 +75,9 @@ fn explore() {
     let start = standing(&robot);
     for n in [1, 2, 4, 8] {
         let knots: Vec<_> = (0..=n)
-            .map(|i| moved(&robot, &start, Vector3::new(0.0, 0.30, 0.0) * f64::from(i) / f64::from(n)))
+            .map(|i| {
+                moved(&robot, &start, Vector3::new(0.0, 0.30, 0.0) * f64::from(i) / f64::from(n))
+            })
             .collect();
         let worst = knots
             .windows(2)
@@ -85,9 +87,7 @@ fn explore() {
     }
     for r in [athlete(), Robot::clone(&loaded())] {
         let com = |c: &Configuration| Posture::new(&r, c).center_of_mass(&r);
-        let ratio = |o: Vector3<f64>| {
-            (com(&moved(&r, &start, o)) - com(&start)).norm() / o.norm()
-        };
+        let ratio = |o: Vector3<f64>| (com(&moved(&r, &start, o)) - com(&start)).norm() / o.norm();
         println!("{} {}", ratio(Vector3::x() * 0.2), ratio(Vector3::y() * 0.2));
     }
     for hold in [false, true] {
