@@ -40,14 +40,14 @@ impl Certificate {
 }
 
 /// Way of a body over half a piece below which the piece is not cut again (m at scale 1).
-const FINEST: f64 = 2.5e-4;
+const FINEST: f64 = 1e-3;
 
 /// Way of the foot over half a piece below which exact distances are asked for (m at scale 1):
 /// above, a piece that quick bounds leave open is cheaper to cut.
 const FINE: f64 = 0.05;
 
 /// Most pieces of one motion.
-const MOST_PIECES: usize = 4_000;
+const MOST_PIECES: usize = 1_200;
 
 /// The work space of certificates of one checker; keeps its memory from one motion to the next.
 pub struct Certifier<'c, 'a> {

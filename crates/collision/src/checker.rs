@@ -435,6 +435,7 @@ impl<'a> LegChecker<'a> {
             rules.push((0.0, if moving.part.is_wheel { -depth } else { 0.0 }));
         }
         let link = moving.part.link;
+        let least = within(reach, &nearest.environment);
         let of_rule = |(required, lift): (f64, f64)| {
             let at = placed.raised(-lift);
             match near_ground(
@@ -442,7 +443,7 @@ impl<'a> LegChecker<'a> {
                 moving.part,
                 &at,
                 required,
-                required + reach,
+                (required + least).max(TOUCHING),
                 Kernel::Exact,
             ) {
                 GroundNear::Clear => None,
@@ -464,7 +465,7 @@ impl<'a> LegChecker<'a> {
         let required = if in_zone { 0.0 } else { self.solid_required() };
         for &i in &self.near_solids {
             let solid = &self.scene.solids[i];
-            let limit = required + reach;
+            let limit = (required + within(reach, &nearest.environment)).max(TOUCHING);
             if !apart(&placed, &moving.part.form, &solid.placed, &solid.form, limit) {
                 let near = near_solid(&placed, moving.part, solid, limit);
                 let found = near.map(|near| violation(Touch::Obstacle(link, i), near, required));
@@ -481,22 +482,21 @@ impl<'a> LegChecker<'a> {
         scratch: &mut Scratch,
         nearest: &mut Clearance,
     ) {
-        let part = self.moving[index].part;
-        scratch.place(self, moment, index);
-        let placed = scratch.parts[index].placed;
-        let own = (index + 1..self.moving.len()).map(|j| {
+        for j in index..self.moving.len() {
             scratch.place(self, moment, j);
-            (self.moving[j].part, scratch.parts[j].placed)
-        });
-        let own: Vec<_> = own.collect();
-        let fixed = self.fixed.iter().map(|f| (f.part, f.placed));
-        for (other, at) in own.into_iter().chain(fixed) {
-            let Some(required) = self.pair_required(part, other) else { continue };
-            let limit = required + reach;
-            if apart(&placed, &part.form, &at, &other.form, limit) {
+        }
+        let part = self.moving[index].part;
+        let placed = &scratch.parts[index].placed;
+        let own = self.moving.iter().zip(&scratch.parts).skip(index + 1);
+        let own = own.map(|(m, here)| (m.part, &here.placed, m.required[index]));
+        let fixed = self.fixed.iter().map(|f| (f.part, &f.placed, f.required[index]));
+        for (other, at, required) in own.chain(fixed) {
+            let Some(required) = required else { continue };
+            let limit = required + within(reach, &nearest.links);
+            if limit <= 0.0 || apart(placed, &part.form, at, &other.form, limit) {
                 continue;
             }
-            let [pose, other_pose] = [&placed, &at].map(|p| pose_of(&p.frame));
+            let [pose, other_pose] = [placed, at].map(|p| pose_of(&p.frame));
             let found = near(&pose, &*part.shape.0, &other_pose, &*other.shape.0, limit)
                 .map(|near| violation(Touch::Links(part.link, other.link), near, required));
             nearest.links = nearer(nearest.links, found);
@@ -876,6 +876,11 @@ fn look_at_pair(
         }
         Separation::Apart | Separation::Near { .. } => Look::Open,
     }
+}
+
+/// How much a distance may have to spare (m) to be the nearest so far.
+fn within(reach: f64, nearest: &Option<Violation>) -> f64 {
+    nearest.map_or(reach, |v| v.distance - v.required).min(reach)
 }
 
 /// Of two the one that has less to spare.

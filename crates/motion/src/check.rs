@@ -4,8 +4,8 @@
 //! stability from the full assessment instead of the search's short cut.
 
 use collision::{
-    Allowance, ContactZone, Keep, LegChecker, PairDistance, Scene, Survey, Touch, Violation, survey,
-    wheel_ground,
+    Allowance, ContactZone, Keep, LegChecker, PairDistance, Scene, Survey, Touch, Violation,
+    survey, wheel_ground,
 };
 use nalgebra::Point3;
 use rover::{Configuration, LegAngles, LegId, LinkId, Posture};
@@ -14,7 +14,7 @@ use stability::rule::{self, Preference};
 use crate::answer::{Finding, Phase, Waypoint};
 
 /// Most between two configurations looked at (rad, largest joint); stability is looked at as often.
-const STEP: f64 = 0.05;
+const STEP: f64 = 0.03;
 
 /// Least between two configurations looked at (rad, largest joint), however near things are.
 const FINEST: f64 = 0.0005;
@@ -105,12 +105,7 @@ pub fn check_step(context: &CheckContext, waypoints: &[Waypoint]) -> CheckReport
         start_finding(context, waypoints),
         limits_finding(context, &seen.limits),
         touch_finding(context, "clearance_links", "links of the robot", &seen.links),
-        touch_finding(
-            context,
-            "clearance_environment",
-            "ground and obstacles",
-            &seen.environment,
-        ),
+        touch_finding(context, "clearance_environment", "ground and obstacles", &seen.environment),
     ];
     if shifts > 1 {
         findings.push(closure_finding(context, &seen.closure));
@@ -177,7 +172,11 @@ impl Seen {
             self.regular.take(support.margin.depth_m, time, legs);
         }
         let spare = verdict.margin_m.map_or(f64::NEG_INFINITY, |m| m - verdict.required_m);
-        self.rule_spare.take(if verdict.ok { spare.max(0.0) } else { spare.min(-1e-12) }, time, verdict);
+        self.rule_spare.take(
+            if verdict.ok { spare.max(0.0) } else { spare.min(-1e-12) },
+            time,
+            verdict,
+        );
         let worst = report.torque.worst;
         self.torque.take(1.0 - worst.ratio.abs(), time, (worst.leg, worst.place));
     }
@@ -202,22 +201,24 @@ fn look_along_leg(context: &CheckContext, waypoints: &[Waypoint], seen: &mut See
         };
         let allowance = Allowance { zone, raised: phase == Phase::Transit };
         let clearance = checker.clearance(&posture, allowance, reach);
-        let mut spare = reach;
+        let mut free = reach;
         if let Some(v) = clearance.links {
             seen.links.take(v.distance - v.required, time, v);
-            spare = spare.min(v.distance - v.required);
+            free = free.min(v.distance);
         }
         if let Some(v) = clearance.environment {
             seen.environment.take(v.distance - v.required, time, v);
-            spare = spare.min(v.distance - v.required);
+            free = free.min(v.distance);
         }
         if !context.transit_only {
             seen.stability_of(context, &posture, context.standing, context.preference, time);
         }
-        spare
+        free
     };
     let Some(first) = waypoints.first() else { return };
-    let mut spare = look(first.time, &first.angles, first.phase, seen);
+    // The first waypoint stands for the phase that begins there, after a shift too.
+    let begins = waypoints.get(1).map_or(first.phase, |next| next.phase);
+    let mut free = look(first.time, &first.angles, begins, seen);
     for w in waypoints.windows(2) {
         let (a, b) = (&w[0], &w[1]);
         let way = (b.angles - a.angles).abs();
@@ -226,11 +227,11 @@ fn look_along_leg(context: &CheckContext, waypoints: &[Waypoint], seen: &mut See
         while t < 1.0 {
             // Nothing can be met before some point of the leg has gone as far as was free; where
             // nearly nothing is free, as near as rounding.
-            let free = if whole > 0.0 { spare / whole } else { 1.0 };
+            let share = if whole > 0.0 { free / whole } else { 1.0 };
             let (finest, coarsest) = (FINEST / most.max(FINEST), STEP / most.max(STEP));
-            t = (t + free.clamp(finest, coarsest.max(finest))).min(1.0);
+            t = (t + share.clamp(finest, coarsest.max(finest))).min(1.0);
             let angles = a.angles * (1.0 - t) + b.angles * t;
-            spare = look(a.time * (1.0 - t) + b.time * t, &angles, b.phase, seen);
+            free = look(a.time * (1.0 - t) + b.time * t, &angles, b.phase, seen);
         }
     }
 }

@@ -140,8 +140,7 @@ impl<'a> Planning<'a> {
         let guard = guard_over(&robot, &stance.standing, self.request.preference);
         let scene = self.scene;
         let contact = self.contact(&posture, stance.seen.as_ref());
-        let checker =
-            LegChecker::keeping(scene, &posture, self.leg(), self.keep(contact.as_ref()));
+        let checker = LegChecker::keeping(scene, &posture, self.leg(), self.keep(contact.as_ref()));
         let rule = self.request.edges;
         let mut space = LegSpace::new(&checker, &robot, &posture, guard.as_ref(), rule);
         let departure = self.departure(&posture, contact, &mut space)?;
@@ -544,9 +543,10 @@ impl<'a> Planning<'a> {
                 let reach = (ring * scale).min(if k == 0 { home.norm() } else { f64::INFINITY });
                 let p = ground.xy() + nalgebra::Vector2::new(angle.cos(), angle.sin()) * reach;
                 let Ok(ways) = self.touchdowns_at(posture, p) else { continue };
-                let works = ways.into_iter().take(2).any(|way| {
-                    self.arrival(posture, &Goal::Touchdown(way), space).is_ok()
-                });
+                let works = ways
+                    .into_iter()
+                    .take(2)
+                    .any(|way| self.arrival(posture, &Goal::Touchdown(way), space).is_ok());
                 if works {
                     return self.scene.map().height_at(p).map(|z| Point3::new(p.x, p.y, z));
                 }

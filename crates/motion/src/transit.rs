@@ -10,7 +10,7 @@ use crate::line::wheel_line;
 use crate::planner::{JointLine, PathSearch, Query, SearchOutcome};
 use crate::rrt_connect::RrtConnect;
 use crate::sbl::Sbl;
-use crate::smooth::smooth;
+use crate::smooth::{SmoothOptions, smooth};
 use crate::space::{WheelSpace, path_length};
 use crate::watch::{Stage, Watch};
 
@@ -19,6 +19,12 @@ const CHECKED_PER_MILESTONE: u64 = 50;
 
 /// Configurations that the coarse A* may check before SBL takes over (F81).
 const COARSE_BUDGET: u64 = 4_000;
+
+/// Searches by random trees that the automatic choice starts, the configurations that each may
+/// check, and those for a first smoothing of each.
+const STARTS: u64 = 3;
+const START_BUDGET: u64 = 3_000;
+const ROUGH_BUDGET: u64 = 300;
 
 /// Finds transits for one request.
 pub(crate) struct Transit<'a> {
@@ -43,9 +49,14 @@ impl Transit<'_> {
         let (first, planner) = match self.request.planner {
             Planner::Line => (self.line(&from, &to, space)?, PathPlanner::Line),
             Planner::Auto => {
-                let coarse: [&dyn PathSearch; 3] =
-                    [&JointLine, &AStar::default(), &self.sbl()];
-                self.search(&coarse, [from, to], budget, space, statistics, watch)?
+                let best = self.best_of_starts([from, to], budget, space, statistics, watch)?;
+                match best {
+                    Some(best) => best,
+                    None => {
+                        let fallback: [&dyn PathSearch; 2] = [&AStar::default(), &self.sbl()];
+                        self.search(&fallback, [from, to], budget, space, statistics, watch)?
+                    }
+                }
             }
             Planner::AStar => {
                 let astar: [&dyn PathSearch; 1] = [&AStar::default()];
@@ -61,12 +72,65 @@ impl Transit<'_> {
             }
         };
         statistics.planner = Some(planner);
-        statistics.first_path = path_length(&first);
+        if planner != PathPlanner::RrtConnect || self.request.planner != Planner::Auto {
+            statistics.first_path = path_length(&first);
+        }
         watch.entered(Stage::Smoothing);
         let smoothed = smooth(space, &first, &self.request.smooth, watch)?;
         statistics.n_edges += smoothed.n_edges;
         statistics.length = path_length(&smoothed.path);
         Ok(smoothed.path)
+    }
+
+    /// The straight way in joint space, else the best of a few short searches that differ in their
+    /// seeds: random trees find a way around in a fraction of a millisecond, but not always the
+    /// shortest one.
+    fn best_of_starts(
+        &self,
+        [start, goal]: [LegAngles; 2],
+        max_nodes: usize,
+        space: &mut LegSpace,
+        statistics: &mut Statistics,
+        watch: &mut impl Watch,
+    ) -> Result<Option<(Vec<LegAngles>, PathPlanner)>, Failure> {
+        let request = self.request;
+        let mut query = Query {
+            start,
+            goal,
+            seed: request.seed,
+            budget: START_BUDGET,
+            max_nodes,
+            cell: request.cell,
+        };
+        let mut best: Option<Vec<LegAngles>> = None;
+        for run in 0..=STARTS {
+            let planner: &dyn PathSearch =
+                if run == 0 { &JointLine } else { &RrtConnect::default() };
+            query.seed = request.seed.wrapping_mul(STARTS + 1).wrapping_add(run);
+            let result = planner.search(space, &query, watch);
+            statistics.n_milestones += result.n_nodes;
+            statistics.n_edges += result.n_edges;
+            match result.outcome {
+                SearchOutcome::Found(path) if run == 0 => {
+                    return Ok(Some((path, PathPlanner::JointLine)));
+                }
+                SearchOutcome::Found(path) => {
+                    statistics.first_path = statistics.first_path.max(path_length(&path));
+                    let rough = SmoothOptions { max_checked: ROUGH_BUDGET, ..request.smooth };
+                    let rough = smooth(space, &path, &rough, watch)?;
+                    statistics.n_edges += rough.n_edges;
+                    let shorter = best
+                        .as_ref()
+                        .is_none_or(|best| path_length(&rough.path) < path_length(best));
+                    if shorter {
+                        best = Some(rough.path);
+                    }
+                }
+                SearchOutcome::Stopped(stopped) => return Err(stopped.into()),
+                SearchOutcome::NotFound { .. } => {}
+            }
+        }
+        Ok(best.map(|path| (path, PathPlanner::RrtConnect)))
     }
 
     fn sbl(&self) -> Sbl {

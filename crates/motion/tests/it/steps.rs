@@ -114,7 +114,10 @@ fn failures_say_why() {
     let high = step(&open, [0.1, 0.0], |r| r.lift = 3.0);
     assert_eq!(high.outcome, Outcome::NoLift, "{}", high.reason);
 
-    let conservative = step(&open, [0.2, 0.0], |r| r.preference = Preference::Conservative);
+    let conservative = step(&open, [0.2, 0.0], |r| {
+        r.preference = Preference::Conservative;
+        r.may_shift = false;
+    });
     assert_eq!(conservative.outcome, Outcome::Unstable, "{}", conservative.reason);
     assert!(conservative.reason.contains("at best"), "{}", conservative.reason);
 
