@@ -1,6 +1,8 @@
 //! The simulated rover behind the link, in process.
 
-use sim::{Basis, Command, Frame, Mode, Motion, SimRover, Stage};
+use std::collections::BTreeMap;
+
+use sim::{Basis, BodyKnot, Command, Frame, JointKnot, Mode, Motion, SimRover, Stage};
 use wire::convert;
 use wire::live::{AckStage, CommandBody, Downlink, Executing, RoverMode, RoverTelemetry, Uplink};
 use wire::time::Timestamp;
@@ -117,11 +119,7 @@ impl RoverAdapter for SimAdapter {
             Uplink::Estop { id } => self.rover.estop(&id),
             Uplink::EstopRelease { id } => self.rover.release(&id),
             Uplink::Command { id, body, basis_joints_rad, basis_tolerance_rad } => {
-                let legs = basis_joints_rad
-                    .iter()
-                    .map(|(leg, joints)| Some((leg.clone(), angles(joints)?)))
-                    .collect::<Option<Vec<_>>>();
-                match (motion(&body), legs) {
+                match (motion(&body), angles_by_leg(&basis_joints_rad)) {
                     (Some(motion), Some(legs)) => {
                         let basis = Basis { legs, tolerance: basis_tolerance_rad };
                         let basis = (!basis.legs.is_empty()).then_some(basis);
@@ -144,12 +142,27 @@ fn angles(joints: &[f64]) -> Option<rover::LegAngles> {
     <[f64; 6]>::try_from(joints).ok().map(rover::LegAngles::from)
 }
 
+fn angles_by_leg(
+    joints_rad: &BTreeMap<String, Vec<f64>>,
+) -> Option<Vec<(String, rover::LegAngles)>> {
+    joints_rad.iter().map(|(leg, joints)| Some((leg.clone(), angles(joints)?))).collect()
+}
+
 /// The motion that a command's body asks for; `None` if a knot has not six angles.
 fn motion(body: &CommandBody) -> Option<Motion> {
     Some(match body {
         CommandBody::JointPath { leg, knots } => Motion::JointPath {
             leg: leg.clone(),
-            knots: knots.iter().map(|k| angles(&k.joints_rad)).collect::<Option<_>>()?,
+            knots: knots
+                .iter()
+                .map(|k| Some(JointKnot { angles: angles(&k.joints_rad)?, time_s: k.time_s }))
+                .collect::<Option<_>>()?,
+        },
+        CommandBody::BodyPath { knots } => Motion::BodyPath {
+            knots: knots
+                .iter()
+                .map(|k| Some(BodyKnot { legs: angles_by_leg(&k.joints_rad)?, time_s: k.time_s }))
+                .collect::<Option<_>>()?,
         },
         CommandBody::WheelLine { leg, position_m } => {
             Motion::WheelLine { leg: leg.clone(), center: (*position_m).into() }

@@ -106,9 +106,8 @@ fn stances_far_from_the_origin_keep_their_region() {
 #[test]
 fn preloads_that_are_none_give_no_loads() {
     let com = Point3::new(0.0, 0.0, 1.0);
-    let share = |weight, preload: &[f64]| {
-        spring_share_with_preload(&hexagon(), &com, weight, preload)
-    };
+    let share =
+        |weight, preload: &[f64]| spring_share_with_preload(&hexagon(), &com, weight, preload);
     assert_eq!(share(1.0, &[0.0; 5]), None);
     assert_eq!(share(1.0, &[0.0, 0.0, f64::NAN, 0.0, 0.0, 0.0]), None);
     assert_eq!(share(0.0, &[1.0; 6]), None);
