@@ -141,7 +141,7 @@ impl TimedPath {
     fn place(&self, t: f64) -> Option<(usize, f64)> {
         let next = self.pieces.partition_point(|piece| piece.start + piece.duration <= t);
         let piece = self.pieces.get(next)?;
-        Some((next, piece.share_at(t - piece.start)))
+        Some((next, piece.share_at((t - piece.start).max(0.0))))
     }
 
     fn between(&self, piece: usize, share: f64) -> Vec<LegAngles> {
