@@ -184,3 +184,74 @@ impl End {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+    use wire::live::{BodyKnot, JointKnot};
+
+    use super::*;
+    use crate::robots::Robots;
+
+    /// A plan of a shift by 0.1 m and 0.1 rad in all joints, and a lift of leg 2 by 0.2 rad more.
+    fn plan(robot: &Robot) -> StoredPlan {
+        let start = robot.pose("bent").unwrap();
+        let mut shifted = start.clone();
+        shifted.world_from_base.translation.vector.x += 0.1;
+        shifted.legs.iter_mut().for_each(|leg| *leg = leg.add_scalar(0.1));
+        let state = |at: &Configuration| convert::rover_state(robot, at);
+        let knot = |at: &Configuration| BodyKnot { joints_rad: state(at).joints_rad, time_s: 0.0 };
+        let lift = |by: f64| JointKnot {
+            joints_rad: shifted.legs[1].add_scalar(by).iter().copied().collect(),
+            time_s: 0.0,
+        };
+        let shift = CommandBody::BodyPath { knots: vec![knot(&start), knot(&shifted)] };
+        let lift = CommandBody::JointPath { leg: "leg2".into(), knots: vec![lift(0.0), lift(0.2)] };
+        let command = |phase: &str, body: &CommandBody| json!({ "title": "", "phase": phase, "body": body, "duration_s": 1.0 });
+        let waypoint = json!({
+            "joints_rad": [], "phase": "shift", "time_s": 1.0, "stance": state(&shifted), "hold": true
+        });
+        let statistics = wire::analysis::PlanStatistics::default();
+        let answer = json!({
+            "outcome": "found", "leg": "leg2", "waypoints": [waypoint], "findings": [],
+            "commands": [command("shift", &shift), command("lift", &lift), command("drop", &lift)],
+            "statistics": statistics, "margins": [], "retreat": [],
+            "basis": { "state_hash": "", "terrain_version": "t", "model_hash": "m", "seed": 1,
+                       "version": "" }
+        });
+        StoredPlan { answer: serde_json::from_value(answer).unwrap(), start }
+    }
+
+    #[test]
+    fn a_command_after_a_shift_begins_with_the_base_shifted_and_all_legs_moved() {
+        let robot = Robots::new(Vec::new()).load(&At::root("robot"), "athlete").unwrap();
+        let plan = plan(&robot);
+        let x = |index| plan.before(&robot, index).world_from_base.translation.vector.x;
+        let yaw =
+            |index, leg: usize| plan.before(&robot, index).legs[leg][0] - plan.start.legs[leg][0];
+        let near = |value: f64, expected: f64| assert!((value - expected).abs() < 1e-9, "{value}");
+        for (index, [base, leg4]) in [(0, [0.0, 0.0]), (1, [0.1, 0.1]), (2, [0.1, 0.1])] {
+            near(x(index), base);
+            near(yaw(index, 3), leg4);
+        }
+        near(yaw(1, 1), 0.1);
+
+        let mut frame: RoverTelemetry = serde_json::from_value(json!({
+            "state": convert::rover_state(&robot, &plan.start), "contacts": {},
+            "contact_points_m": {}, "wheel_forces_n": {}, "joint_torques_nm": {}, "mode": "idle"
+        }))
+        .unwrap();
+        let stale = |frame: &RoverTelemetry, index, when| {
+            let (model_hash, terrain_version) = ("m", "t");
+            plan.stale(&Present { robot: &robot, model_hash, terrain_version, frame }, index, when)
+        };
+        assert_eq!(stale(&frame, 0, When::Release), None);
+        // What follows may be staged, not released, while the shift is under way.
+        assert_eq!(stale(&frame, 1, When::Staging), None);
+        let moved = stale(&frame, 1, When::Release).unwrap();
+        assert_eq!(moved, "the rover's body has moved");
+        frame.state = convert::rover_state(&robot, &plan.before(&robot, 1));
+        assert_eq!(stale(&frame, 1, When::Release), None);
+        assert_eq!(stale(&frame, 0, When::Staging).unwrap(), "the rover's body has moved");
+    }
+}
