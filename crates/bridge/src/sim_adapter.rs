@@ -1,8 +1,13 @@
 //! The simulated rover behind the link, in process.
 
-use sim::{Basis, Command, Frame, Mode, Motion, SimRover, Stage};
+use std::collections::BTreeMap;
+
+use rover::LegAngles;
+use sim::{Basis, BodyKnot, Command, Frame, JointKnot, Mode, Motion, SimRover, Stage};
 use wire::convert;
-use wire::live::{AckStage, CommandBody, Downlink, Executing, RoverMode, RoverTelemetry, Uplink};
+use wire::live::{
+    self, AckStage, CommandBody, Downlink, Executing, RoverMode, RoverTelemetry, Uplink,
+};
 use wire::time::Timestamp;
 
 use crate::adapter::RoverAdapter;
@@ -117,17 +122,14 @@ impl RoverAdapter for SimAdapter {
             Uplink::Estop { id } => self.rover.estop(&id),
             Uplink::EstopRelease { id } => self.rover.release(&id),
             Uplink::Command { id, body, basis_joints_rad, basis_tolerance_rad } => {
-                let legs = basis_joints_rad
-                    .iter()
-                    .map(|(leg, joints)| Some((leg.clone(), angles(joints)?)))
-                    .collect::<Option<Vec<_>>>();
-                match (motion(&body), legs) {
-                    (Some(motion), Some(legs)) => {
+                let legs = angles_by_leg(&basis_joints_rad).map_err(|why| format!("basis: {why}"));
+                match motion(&body).and_then(|motion| Ok((motion, legs?))) {
+                    Ok((motion, legs)) => {
                         let basis = Basis { legs, tolerance: basis_tolerance_rad };
                         let basis = (!basis.legs.is_empty()).then_some(basis);
                         self.rover.command(Command { id, motion, basis });
                     }
-                    _ => self.refuse(id, "a leg has six joint angles".into()),
+                    Err(why) => self.refuse(id, why),
                 }
             }
         }
@@ -140,17 +142,41 @@ impl RoverAdapter for SimAdapter {
     }
 }
 
-fn angles(joints: &[f64]) -> Option<rover::LegAngles> {
-    <[f64; 6]>::try_from(joints).ok().map(rover::LegAngles::from)
+/// Joint angles (rad) of a leg, or why they are none.
+fn angles(leg: &str, joints_rad: &[f64]) -> Result<LegAngles, String> {
+    let six = <[f64; 6]>::try_from(joints_rad);
+    six.map(LegAngles::from).map_err(|_| {
+        let (leg, n): (String, usize) = (leg.chars().take(80).collect(), joints_rad.len());
+        format!("{leg} has {n} joint angles; a leg has 6")
+    })
 }
 
-/// The motion that a command's body asks for; `None` if a knot has not six angles.
-fn motion(body: &CommandBody) -> Option<Motion> {
-    Some(match body {
-        CommandBody::JointPath { leg, knots } => Motion::JointPath {
-            leg: leg.clone(),
-            knots: knots.iter().map(|k| angles(&k.joints_rad)).collect::<Option<_>>()?,
-        },
+fn angles_by_leg(
+    joints_rad: &BTreeMap<String, Vec<f64>>,
+) -> Result<Vec<(String, LegAngles)>, String> {
+    joints_rad.iter().map(|(leg, joints)| Ok((leg.clone(), angles(leg, joints)?))).collect()
+}
+
+/// The motion that a command's body asks for, or which knot has not six angles a leg.
+fn motion(body: &CommandBody) -> Result<Motion, String> {
+    let at = |knot: usize| move |why: String| format!("knot {knot}: {why}");
+    Ok(match body {
+        CommandBody::JointPath { leg, knots } => {
+            let knot = |(i, knot): (usize, &live::JointKnot)| {
+                let angles = angles(leg, &knot.joints_rad).map_err(at(i))?;
+                Ok::<_, String>(JointKnot { angles, time_s: knot.time_s })
+            };
+            let knots = knots.iter().enumerate().map(knot).collect::<Result<_, _>>()?;
+            Motion::JointPath { leg: leg.clone(), knots }
+        }
+        CommandBody::BodyPath { knots } => {
+            let knot = |(i, knot): (usize, &live::BodyKnot)| {
+                let legs = angles_by_leg(&knot.joints_rad).map_err(at(i))?;
+                Ok::<_, String>(BodyKnot { legs, time_s: knot.time_s })
+            };
+            let knots = knots.iter().enumerate().map(knot).collect::<Result<_, _>>()?;
+            Motion::BodyPath { knots }
+        }
         CommandBody::WheelLine { leg, position_m } => {
             Motion::WheelLine { leg: leg.clone(), center: (*position_m).into() }
         }

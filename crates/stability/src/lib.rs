@@ -19,7 +19,7 @@ pub mod support_polygon;
 pub mod torque;
 
 pub use guard::StanceGuard;
-pub use loads::spring_share;
+pub use loads::{spring_share, spring_share_with_preload};
 pub use rule::{Check, Preference, StanceReport, Verdict, assess, verdict};
 pub use settlement::Settlement;
 pub use support_polygon::{Margin, SupportError};
