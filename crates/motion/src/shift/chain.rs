@@ -15,6 +15,9 @@ const JUMP: f64 = 0.35;
 /// Length of the chassis' way between two samples (m at scale 1, and rad).
 const SAMPLING: f64 = 0.02;
 
+/// Points of a way at which the search looks whether the legs can follow.
+const COARSE_SAMPLES: usize = 8;
+
 /// Fork pitches that a held wheel may take from its start, by size (rad): least and count.
 const FORK_STEP: f64 = 0.05;
 const FORK_STEPS: i32 = 12;
@@ -185,6 +188,28 @@ impl<'a> ClosedChain<'a> {
         Ok(configuration)
     }
 
+    /// Can the legs follow the chassis to `goal` on their branches? Looks at a few points only.
+    pub fn follows(&self, goal: &ChainPose) -> Result<(), Obstruction> {
+        self.samples(goal, COARSE_SAMPLES).map(|_| ())
+    }
+
+    /// Configurations on the way from the start to `goal`, without a jump from one to the next.
+    fn samples(&self, goal: &ChainPose, n: usize) -> Result<Vec<Configuration>, Obstruction> {
+        let mut samples: Vec<Configuration> = vec![self.start.clone()];
+        for i in 1..=n {
+            let here = self.along(goal, i as f64 / n as f64)?;
+            let before = &samples[i - 1];
+            let jumped = self.planted.iter().find(|planted| {
+                (here.legs[planted.leg.0] - before.legs[planted.leg.0]).amax() > JUMP
+            });
+            if let Some(planted) = jumped {
+                return Err(Obstruction::Singular { leg: planted.leg });
+            }
+            samples.push(here);
+        }
+        Ok(samples)
+    }
+
     /// Knots of the way from the start to `goal`, such that between them the wheels keep to their
     /// places within `closure` (m); and the largest deviation seen (m).
     pub fn way(
@@ -198,18 +223,7 @@ impl<'a> ClosedChain<'a> {
         let fork = goal.forks.iter().fold(0.0, |most: f64, fork| most.max(fork.abs()));
         let steps = (length / self.robot.scale()).max(turn).max(fork) / SAMPLING;
         let n = steps.ceil().clamp(8.0, 2_000.0) as usize;
-        let mut samples: Vec<Configuration> = vec![self.start.clone()];
-        for i in 1..=n {
-            let here = self.along(goal, i as f64 / n as f64)?;
-            let before = &samples[i - 1];
-            let jumped = self.planted.iter().find(|planted| {
-                (here.legs[planted.leg.0] - before.legs[planted.leg.0]).amax() > JUMP
-            });
-            if let Some(planted) = jumped {
-                return Err(Obstruction::Singular { leg: planted.leg });
-            }
-            samples.push(here);
-        }
+        let samples = self.samples(goal, n)?;
         Ok(self.thinned(&samples, closure))
     }
 
