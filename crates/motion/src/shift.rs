@@ -8,6 +8,7 @@
 
 mod body;
 mod chain;
+mod executed;
 mod search;
 
 use collision::Scene;
@@ -17,11 +18,11 @@ use rover::{Configuration, LegId, Posture};
 use stability::{Preference, StanceGuard, support_polygon};
 
 pub use body::{BodyClear, SampledBody};
-pub use chain::{Obstruction, base_between, closure_error};
+pub use executed::{base_between, closure_error};
 
 use crate::watch::Watch;
 use chain::ClosedChain;
-pub(crate) use chain::Executed;
+pub(crate) use executed::Executed;
 use search::{Candidate, Search, seeded};
 
 /// How far standing wheels may leave their places between knots (m at scale 1).
@@ -186,9 +187,9 @@ impl Shift<'_> {
         let mut why = None;
         for near in [true, false] {
             let mut candidates = if near {
-                self.from_height(&start, 0.0, search, &mut rng)
+                self.search_at(&start, 0.0, search, &mut rng)
             } else {
-                self.from_elsewhere(&start, search, &mut rng)
+                self.search_elsewhere(&start, search, &mut rng)
             };
             for candidate in &candidates {
                 if candidate.spare > best.spare {
@@ -223,7 +224,7 @@ impl Shift<'_> {
     }
 
     /// A level shift from a height over the start (m), and what the direct search makes of it.
-    fn from_height<B: BodyClear, W: Watch>(
+    fn search_at<B: BodyClear, W: Watch>(
         &self,
         start: &Candidate,
         height: f64,
@@ -243,7 +244,7 @@ impl Shift<'_> {
     }
 
     /// From other heights and from scattered poses.
-    fn from_elsewhere<B: BodyClear, W: Watch>(
+    fn search_elsewhere<B: BodyClear, W: Watch>(
         &self,
         start: &Candidate,
         search: &mut Search<'_, B, W>,
@@ -252,7 +253,7 @@ impl Shift<'_> {
         let scale = self.chain.robot.scale();
         let mut found: Vec<Candidate> = HEIGHTS
             .iter()
-            .flat_map(|height| self.from_height(start, height * scale, search, rng))
+            .flat_map(|height| self.search_at(start, height * scale, search, rng))
             .collect();
         for _ in 0..SCATTERS {
             search.budget = self.request.budget / SEARCHES;
@@ -267,6 +268,9 @@ impl Shift<'_> {
         let robot = self.chain.robot;
         let (configurations, closure_error) =
             self.chain.way(&goal.pose, self.request.closure).map_err(|o| o.text(robot))?;
+        if closure_error.is_nan() || closure_error > self.request.closure {
+            return Err(format!("the wheels would leave their places by {closure_error:.4} m"));
+        }
         let legs = self.chain.legs();
         for piece in configurations.windows(2) {
             let executed = Executed::new(robot, &piece[0], &piece[1], &legs);

@@ -181,16 +181,15 @@ fn before_a_lift_that_must_survive_a_loss_the_body_shifts() {
 
 #[test]
 fn what_whole_poses_win_is_what_planning_notes_say() {
-    // With the lifted leg in the air: 0.090 and, with forks free, 0.182 foot radii.
+    // Notes, with the lifted leg in the air: 0.090 and, with forks free, 0.182 foot radii, without
+    // regard to how the legs get there. Braked, the straight wrist of a leg is in the way.
     let (braked, held) = (best_conservative(1, false), best_conservative(1, true));
-    println!("{braked} {held}");
-    assert!((braked - 0.090).abs() < 0.03, "{braked}");
-    assert!((held - 0.182).abs() < 0.05, "{held}");
-    // Planted like the others it costs some.
+    assert!((0.045..0.120).contains(&braked), "{braked}");
+    assert!((0.130..0.200).contains(&held), "{held}");
+    // With the foot that is to be lifted on the ground like the others.
     let (planted, planted_held) = (best_conservative(0, false), best_conservative(0, true));
-    println!("{planted} {planted_held}");
-    assert!((0.05..braked).contains(&planted), "{planted}");
-    assert!((planted..held).contains(&planted_held), "{planted_held}");
+    assert!((0.020..braked).contains(&planted), "{planted}");
+    assert!((0.090..held).contains(&planted_held), "{planted_held}");
 }
 
 #[test]
