@@ -8,6 +8,7 @@
 //! - [`planner`]: the planners behind one trait (F60): [`astar`], [`sbl`], [`rrt_connect`].
 //! - [`smooth`]: Dijkstra and bisection as published (F77-F79), then a taut string.
 //! - [`shift`]: the body over its planted feet, before a leg is lifted.
+//! - [`timing`]: when each knot is passed, as fast as joints and stability allow.
 //! - [`check`]: the final check, which alone decides whether a step may be offered.
 
 mod answer;
@@ -24,6 +25,7 @@ pub mod shift;
 pub mod smooth;
 pub mod space;
 mod step;
+pub mod timing;
 mod transit;
 mod watch;
 
@@ -35,4 +37,5 @@ pub use shift::{
     BodyClear, NoShift, SampledBody, ShiftPlan, ShiftRequest, base_between, plan_shift,
 };
 pub use step::plan_step;
+pub use timing::{TimedPath, TimedPiece, TimingError, TimingLimits, time_body_path, time_leg_path};
 pub use watch::{Stage, Stopped, Unwatched, Watch};

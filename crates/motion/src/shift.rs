@@ -8,18 +8,21 @@
 
 mod body;
 mod chain;
+mod executed;
 mod search;
 
 use collision::Scene;
 use nalgebra::{Isometry3, Point3, Vector6};
+use rand_chacha::ChaCha8Rng;
 use rover::{Configuration, LegId, Posture};
 use stability::{Preference, StanceGuard, support_polygon};
 
 pub use body::{BodyClear, SampledBody};
-pub use chain::{Obstruction, base_between, closure_error};
+pub use executed::{base_between, closure_error};
 
 use crate::watch::Watch;
-use chain::{ClosedChain, Executed};
+use chain::ClosedChain;
+pub(crate) use executed::Executed;
 use search::{Candidate, Search, seeded};
 
 /// How far standing wheels may leave their places between knots (m at scale 1).
@@ -29,7 +32,13 @@ const CLOSURE: f64 = 0.002;
 const MARGIN_SAMPLES: usize = 16;
 
 /// Heights from which the direct search starts beside the start's own (m at scale 1).
-const HEIGHTS: [f64; 3] = [0.0, -0.06, 0.06];
+const HEIGHTS: [f64; 2] = [-0.15, 0.15];
+
+/// Searches from scattered poses, where those from level shifts have not enough.
+const SCATTERS: usize = 4;
+
+/// Searches that share the budget evenly, so that none starves the others.
+const SEARCHES: usize = 1 + HEIGHTS.len() + SCATTERS;
 
 /// A wish for a body shift.
 #[derive(Clone)]
@@ -75,7 +84,7 @@ impl<'a> ShiftRequest<'a> {
             drive_hold: false,
             closure: CLOSURE * scale,
             seed: 1,
-            budget: 20_000,
+            budget: 40_000,
         }
     }
 }
@@ -148,7 +157,7 @@ pub fn plan_shift(
         body,
         watch,
         budget: request.budget,
-        touch: None,
+        obstacle: None,
     })
 }
 
@@ -173,18 +182,27 @@ impl Shift<'_> {
             let configurations = vec![self.request.start.clone()];
             return Ok(ShiftPlan { configurations, closure_error: 0.0, spare: start.spare });
         }
-        let mut candidates = self.candidates(&start, search);
-        let best = candidates
-            .iter()
-            .fold(&start, |best, next| if next.spare > best.spare { next } else { best })
-            .clone();
-        candidates.retain(|candidate| candidate.spare >= self.request.wanted_spare);
-        candidates.sort_by(|a, b| a.distance().total_cmp(&b.distance()));
+        let mut rng = seeded(self.request.seed);
+        let mut best = start.clone();
         let mut why = None;
-        for candidate in &candidates {
-            match self.way(candidate, search.body) {
-                Ok(plan) => return Ok(plan),
-                Err(text) => why = why.or(Some(format!("on the way {text}"))),
+        for near in [true, false] {
+            let mut candidates = if near {
+                self.search_at(&start, 0.0, search, &mut rng)
+            } else {
+                self.search_elsewhere(&start, search, &mut rng)
+            };
+            for candidate in &candidates {
+                if candidate.spare > best.spare {
+                    best = candidate.clone();
+                }
+            }
+            candidates.retain(|candidate| candidate.spare >= self.request.wanted_spare);
+            candidates.sort_by(|a, b| a.distance().total_cmp(&b.distance()));
+            for candidate in &candidates {
+                match self.way(candidate, search.body) {
+                    Ok(plan) => return Ok(plan),
+                    Err(text) => why = why.or(Some(format!("on the way {text}"))),
+                }
             }
         }
         let why = why.unwrap_or_else(|| self.what_limits(&best, search));
@@ -205,30 +223,42 @@ impl Shift<'_> {
         Some((Point3::new(point.x, point.y, 0.0), depth))
     }
 
-    /// Level first; then, from there and from other heights, in all six directions.
-    fn candidates<B: BodyClear, W: Watch>(
+    /// A level shift from a height over the start (m), and what the direct search makes of it.
+    fn search_at<B: BodyClear, W: Watch>(
+        &self,
+        start: &Candidate,
+        height: f64,
+        search: &mut Search<'_, B, W>,
+        rng: &mut ChaCha8Rng,
+    ) -> Vec<Candidate> {
+        search.budget = self.request.budget / SEARCHES;
+        let Ok(from) = search.candidate(start.offset + Vector6::ith(2, height)) else {
+            return Vec::new();
+        };
+        let com =
+            Posture::new(self.chain.robot, &from.configuration).center_of_mass(self.chain.robot);
+        let toward = self.goal_of_com().and_then(|(goal, _)| (goal - com).xy().try_normalize(1e-9));
+        let level = toward.map_or_else(|| from.clone(), |way| search.level(&way, &from));
+        let polished = search.direct(&level, rng);
+        vec![level, polished]
+    }
+
+    /// From other heights and from scattered poses.
+    fn search_elsewhere<B: BodyClear, W: Watch>(
         &self,
         start: &Candidate,
         search: &mut Search<'_, B, W>,
+        rng: &mut ChaCha8Rng,
     ) -> Vec<Candidate> {
-        let robot = self.chain.robot;
-        let com = Posture::new(robot, self.request.start).center_of_mass(robot);
-        let toward = self.goal_of_com().and_then(|(goal, _)| (goal - com).xy().try_normalize(1e-9));
-        let mut rng = seeded(self.request.seed);
-        let mut found: Vec<Candidate> = Vec::new();
-        let total = search.budget;
-        for (i, height) in HEIGHTS.iter().enumerate() {
-            // An equal share for each start, so that the first leaves something to the others.
-            search.budget = total / HEIGHTS.len();
-            let at_height = start.offset + Vector6::ith(2, height * robot.scale());
-            let Ok(from) = search.candidate(at_height) else { continue };
-            let level = toward.map_or_else(|| from.clone(), |way| search.level(&way, &from));
-            let polished = search.direct(&level, &mut rng);
-            found.extend([level, polished]);
-            let enough = found.iter().any(|c| c.spare >= self.request.wanted_spare);
-            if i == 0 && enough {
-                break;
-            }
+        let scale = self.chain.robot.scale();
+        let mut found: Vec<Candidate> = HEIGHTS
+            .iter()
+            .flat_map(|height| self.search_at(start, height * scale, search, rng))
+            .collect();
+        for _ in 0..SCATTERS {
+            search.budget = self.request.budget / SEARCHES;
+            let Some(from) = search.scattered(start, rng) else { continue };
+            found.push(search.direct(&from, rng));
         }
         found
     }
@@ -238,6 +268,9 @@ impl Shift<'_> {
         let robot = self.chain.robot;
         let (configurations, closure_error) =
             self.chain.way(&goal.pose, self.request.closure).map_err(|o| o.text(robot))?;
+        if closure_error.is_nan() || closure_error > self.request.closure {
+            return Err(format!("the wheels would leave their places by {closure_error:.4} m"));
+        }
         let legs = self.chain.legs();
         for piece in configurations.windows(2) {
             let executed = Executed::new(robot, &piece[0], &piece[1], &legs);
@@ -285,7 +318,7 @@ impl Shift<'_> {
                 return text;
             }
         }
-        search.touch.take().unwrap_or_else(|| {
+        search.obstacle.take().unwrap_or_else(|| {
             "the search found no better pose; turns and heights of the chassis were tried".into()
         })
     }

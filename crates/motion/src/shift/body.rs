@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use collision::{Scene, Survey, Touch, survey};
 use rover::{Configuration, LegId, Posture};
 
-use super::chain::Executed;
+use super::executed::Executed;
 use crate::check::touch_text;
 
 /// Largest change of a joint between two configurations looked at (rad).

@@ -16,15 +16,19 @@ use super::chain::{ChainPose, ClosedChain};
 use crate::watch::Watch;
 
 /// Step of the level search, first and last mesh of the direct search (m at scale 1).
-const LEVEL_STEP: f64 = 0.01;
-const FIRST_MESH: f64 = 0.06;
+const LEVEL_STEP: f64 = 0.02;
+const FIRST_MESH: f64 = 0.15;
 const LAST_MESH: f64 = 0.001;
 
 /// Farthest level shift that is looked at (m at scale 1).
-const FARTHEST: f64 = 0.5;
+const FARTHEST: f64 = 1.0;
+
+/// Seeded poses tried as starts, and how far they go in each direction (m at scale 1).
+const SCATTERED: usize = 1_500;
+const SCATTER: f64 = 0.6;
 
 /// Seeded directions of a poll beside the axes.
-const RANDOM_DIRECTIONS: usize = 6;
+const RANDOM_DIRECTIONS: usize = 12;
 
 /// A pose that the planted legs reach and that keeps the rule on all feet.
 #[derive(Clone)]
@@ -55,8 +59,8 @@ pub(super) struct Search<'a, B, W> {
     pub watch: &'a mut W,
     /// Poses that may still be looked at.
     pub budget: usize,
-    /// What stood in the way of the last pose that had more to spare but collided.
-    pub touch: Option<String>,
+    /// What stood in the way of the last pose that had more to spare.
+    pub obstacle: Option<String>,
 }
 
 impl<B: BodyClear, W: Watch> Search<'_, B, W> {
@@ -83,7 +87,7 @@ impl<B: BodyClear, W: Watch> Search<'_, B, W> {
         (candidate.spare.min(self.wanted), -candidate.distance())
     }
 
-    /// Is `candidate` better than `than` by more than rounding, and free?
+    /// Is `candidate` better than `than` by more than rounding, and can it be taken?
     fn better(&mut self, candidate: &Candidate, than: &Candidate) -> bool {
         let (new, old) = (self.score(candidate), self.score(than));
         if !(new.0 > old.0 + 1e-9 || (new.0 >= old.0 && new.1 > old.1 + 1e-9)) {
@@ -93,10 +97,14 @@ impl<B: BodyClear, W: Watch> Search<'_, B, W> {
     }
 
     fn is_free(&mut self, candidate: &Candidate) -> bool {
+        if let Err(obstruction) = self.chain.follows(&candidate.pose) {
+            self.obstacle = Some(obstruction.text(self.chain.robot));
+            return false;
+        }
         match self.body.piece(&candidate.configuration, &candidate.configuration) {
             Ok(()) => true,
             Err(text) => {
-                self.touch = Some(text);
+                self.obstacle = Some(text);
                 false
             }
         }
@@ -153,6 +161,26 @@ impl<B: BodyClear, W: Watch> Search<'_, B, W> {
                 }
             }
             mesh = if found { (2.0 * mesh).min(FIRST_MESH * scale) } else { 0.5 * mesh };
+        }
+        best
+    }
+}
+
+impl<B: BodyClear, W: Watch> Search<'_, B, W> {
+    /// Seeded poses about `from`, the best of those that are free: starts far from each other.
+    pub fn scattered(&mut self, from: &Candidate, rng: &mut ChaCha8Rng) -> Option<Candidate> {
+        let width = SCATTER * self.chain.robot.scale();
+        let mut best: Option<Candidate> = None;
+        for _ in 0..SCATTERED {
+            if self.over() {
+                break;
+            }
+            let offset = Vector6::from_fn(|_, _| rng.random_range(-width..width));
+            let Ok(next) = self.candidate(from.offset + offset) else { continue };
+            let better = best.as_ref().is_none_or(|best| self.score(&next) > self.score(best));
+            if better && self.is_free(&next) {
+                best = Some(next);
+            }
         }
         best
     }

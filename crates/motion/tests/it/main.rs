@@ -13,6 +13,7 @@ mod sbl_scenes;
 mod shift;
 mod steps;
 mod synthetic;
+mod timing;
 
 fn athlete() -> Robot {
     let folder = "robots/athlete/";

@@ -46,11 +46,15 @@ fn rule_spare(
     rules: &StanceRules,
     preference: Preference,
 ) -> f64 {
-    let regular = support_polygon::regular(stance).unwrap();
+    let regular = support_polygon::regular(stance).expect("the stance encloses an area");
     let mut spare = regular.depth_of(com.xy()) - rules.margin;
-    spare = spare.min(settlement::worst(stance, com, rules.settlement).unwrap().margin_m);
+    spare = spare.min(
+        settlement::worst(stance, com, rules.settlement)
+            .expect("the stance encloses an area")
+            .margin_m,
+    );
     if preference == Preference::Conservative {
-        let region = support_polygon::conservative(stance).unwrap();
+        let region = support_polygon::conservative(stance).expect("the stance encloses an area");
         let depth = region.area().map_or(f64::NEG_INFINITY, |area| area.depth_of(com.xy()));
         spare = spare.min(depth);
     }
