@@ -161,7 +161,7 @@ impl<'a> LegChecker<'a> {
         let mut found = Vec::new();
         // From the wheel inward: the wheel meets things first.
         for (i, placed) in moving.iter().enumerate().rev() {
-            let in_zone = zone.filter(|_| matches!(placed.part.body, Body::Leg { place: 5, .. }));
+            let in_zone = zone.filter(|_| placed.part.body.is_outermost(self.scene.robot()));
             let required = if in_zone.is_some() { 0.0 } else { self.environment_tolerance };
             match in_zone {
                 Some(zone) if placed.part.is_wheel => {

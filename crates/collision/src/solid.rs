@@ -1,9 +1,10 @@
 //! Shapes on the way to parry and back: the one place where the two linear algebras meet.
 
-use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 use parry3d_f64::math::{Pose, Vector};
 use parry3d_f64::query::{ClosestPoints, closest_points};
-use parry3d_f64::shape::{Shape as ParryShape, SharedShape};
+use parry3d_f64::shape::{ConvexPolyhedron, Shape as ParryShape, SharedShape};
+use parry3d_f64::transformation::try_convex_hull;
 use rover::{LinkId, Robot, Shape};
 
 use crate::pairs::Body;
@@ -21,37 +22,62 @@ pub(crate) struct Part {
     pub is_wheel: bool,
 }
 
-/// All shapes of the robot, in the order of its links.
+/// All shapes of the robot, in the order of its links; a mesh as the hulls of its components.
 pub(crate) fn parts_of(robot: &Robot) -> Vec<Part> {
     // parry's cylinders and capsules stand along y, ours along z.
-    let upright = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
+    let upright = Isometry3::rotation(Vector3::x() * std::f64::consts::FRAC_PI_2);
     let mut parts = Vec::new();
     for (i, link) in robot.links().iter().enumerate() {
         let id = LinkId(i);
         let body = Body::of(robot, id);
         let is_wheel = robot.legs().iter().any(|leg| leg.wheel_link == id);
         for placed in &link.shapes {
-            let (shape, turn, radius) = match placed.shape {
+            let mut add = |shape: SharedShape, turn: Isometry3<f64>, radius: f64| {
+                let link_from_part = placed.link_from_shape * turn;
+                parts.push(Part { link: id, body, shape, link_from_part, radius, is_wheel });
+            };
+            let as_is = Isometry3::identity();
+            match &placed.shape {
                 Shape::Box { half_extents: h } => {
-                    (SharedShape::cuboid(h.x, h.y, h.z), UnitQuaternion::identity(), h.norm())
+                    add(SharedShape::cuboid(h.x, h.y, h.z), as_is, h.norm());
                 }
                 Shape::Cylinder { radius, half_length } => {
-                    let shape = SharedShape::cylinder(half_length, radius);
-                    (shape, upright, radius.hypot(half_length))
+                    let shape = SharedShape::cylinder(*half_length, *radius);
+                    add(shape, upright, radius.hypot(*half_length));
                 }
                 Shape::Capsule { radius, half_length } => {
-                    let shape = SharedShape::capsule_y(half_length, radius);
-                    (shape, upright, radius + half_length)
+                    let shape = SharedShape::capsule_y(*half_length, *radius);
+                    add(shape, upright, radius + half_length);
                 }
-                Shape::Sphere { radius } => {
-                    (SharedShape::ball(radius), UnitQuaternion::identity(), radius)
+                Shape::Sphere { radius } => add(SharedShape::ball(*radius), as_is, *radius),
+                Shape::Mesh(mesh) => {
+                    for points in mesh.components() {
+                        let (shape, place, radius) = hull_of(&points);
+                        add(shape, place, radius);
+                    }
                 }
-            };
-            let link_from_part = placed.link_from_shape * turn;
-            parts.push(Part { link: id, body, shape, link_from_part, radius, is_wheel });
+            }
         }
     }
     parts
+}
+
+/// The convex hull of a mesh's component, its place on the mesh, and the radius of the sphere that
+/// holds it there (m). Points that lie in no common plane have a hull; should its computation still
+/// fail, their axis-parallel box, which holds it, takes its place.
+fn hull_of(points: &[Point3<f64>]) -> (SharedShape, Isometry3<f64>, f64) {
+    let corners: Vec<Vector> = points.iter().map(to_parry_point).collect();
+    let hull = try_convex_hull(&corners).ok();
+    let solid = hull.and_then(|(points, faces)| ConvexPolyhedron::from_convex_mesh(points, &faces));
+    if let Some(solid) = solid {
+        let radius = points.iter().map(|p| p.coords.norm()).fold(0.0, f64::max);
+        return (SharedShape::new(solid), Isometry3::identity(), radius);
+    }
+    let start = (Point3::from([f64::INFINITY; 3]), Point3::from([f64::NEG_INFINITY; 3]));
+    let (low, high) = points.iter().fold(start, |(low, high), p| (low.inf(p), high.sup(p)));
+    let half = (high - low) * 0.5;
+    let center = Isometry3::from(nalgebra::center(&low, &high).coords);
+    (SharedShape::cuboid(half.x, half.y, half.z), center, half.norm())
 }
 
 /// The edge to parry: glam poses from nalgebra ones.

@@ -15,7 +15,7 @@ fn adapter() -> SimAdapter {
     let robot = rover::Robot::from_folder(
         &testkit::fixture_text(&format!("{folder}robot.toml")),
         |file| Some(testkit::fixture_text(&format!("{folder}{file}"))),
-        |_| false,
+        |_| None,
     );
     let map = terrain::ElevationMap::plane(20.0, 0.5).unwrap();
     let scene = collision::Scene::new(Arc::new(robot.unwrap()), map, &[]).unwrap();

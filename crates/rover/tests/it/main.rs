@@ -12,7 +12,7 @@ fn athlete() -> Robot {
     Robot::from_folder(
         &testkit::fixture_text(&format!("{folder}robot.toml")),
         |file| Some(testkit::fixture_text(&format!("{folder}{file}"))),
-        |_| false,
+        |_| None,
     )
     .expect("the fixture loads")
 }

@@ -26,19 +26,15 @@ fn athlete() -> Robot {
     Robot::from_folder(
         &testkit::fixture_text(&format!("{folder}robot.toml")),
         |file| Some(testkit::fixture_text(&format!("{folder}{file}"))),
-        |_| false,
+        |_| None,
     )
     .unwrap()
 }
 
 /// The robot of the demo mission: 300 kg on the chassis.
 fn demo_robot() -> Robot {
-    let payload = Payload {
-        link: "chassis".into(),
-        mass: 300.0,
-        com: Point3::new(0.0, 0.0, 0.25),
-        box_size: Some(Vector3::new(1.2, 1.2, 0.5)),
-    };
+    let (com, edges) = (Point3::new(0.0, 0.0, 0.25), Vector3::new(1.2, 1.2, 0.5));
+    let payload = Payload::boxed("chassis", 300.0, com, edges);
     athlete().with_payloads(&[payload]).unwrap()
 }
 
