@@ -1,5 +1,6 @@
 //! The simulated rover behind the link, in process.
 
+use rover::{LegAngles, Robot};
 use sim::{Basis, Command, Frame, Mode, Motion, SimRover, Stage};
 use wire::convert;
 use wire::live::{AckStage, CommandBody, Downlink, Executing, RoverMode, RoverTelemetry, Uplink};
@@ -93,7 +94,7 @@ impl SimAdapter {
             }),
             wheel_forces_n: convert::by_leg(robot, |leg| frame.wheel_forces[leg.0].into()),
             joint_torques_nm: convert::by_leg(robot, |leg| {
-                frame.joint_torques[leg.0].iter().copied().collect()
+                convert::by_joint(robot.leg(leg), &frame.joint_torques[leg.0])
             }),
             mode,
             executing: frame
@@ -117,17 +118,18 @@ impl RoverAdapter for SimAdapter {
             Uplink::Estop { id } => self.rover.estop(&id),
             Uplink::EstopRelease { id } => self.rover.release(&id),
             Uplink::Command { id, body, basis_joints_rad, basis_tolerance_rad } => {
+                let robot = self.rover.scene().robot().clone();
                 let legs = basis_joints_rad
                     .iter()
-                    .map(|(leg, joints)| Some((leg.clone(), angles(joints)?)))
+                    .map(|(leg, joints)| Some((leg.clone(), angles(&robot, leg, joints)?)))
                     .collect::<Option<Vec<_>>>();
-                match (motion(&body), legs) {
+                match (motion(&robot, &body), legs) {
                     (Some(motion), Some(legs)) => {
                         let basis = Basis { legs, tolerance: basis_tolerance_rad };
                         let basis = (!basis.legs.is_empty()).then_some(basis);
                         self.rover.command(Command { id, motion, basis });
                     }
-                    _ => self.refuse(id, "a leg has six joint angles".into()),
+                    _ => self.refuse(id, "a leg has as many joint angles as joints".into()),
                 }
             }
         }
@@ -140,16 +142,24 @@ impl RoverAdapter for SimAdapter {
     }
 }
 
-fn angles(joints: &[f64]) -> Option<rover::LegAngles> {
-    <[f64; 6]>::try_from(joints).ok().map(rover::LegAngles::from)
+/// The angles of a leg; `None` if there are not as many as it has joints. A leg that is unknown is for
+/// the rover to refuse.
+fn angles(robot: &Robot, leg: &str, joints: &[f64]) -> Option<LegAngles> {
+    let wanted = robot.leg_id(leg).map_or(joints.len(), |leg| robot.leg(leg).n_joints());
+    let angles = LegAngles::from_fn(|i, _| joints.get(i).copied().unwrap_or(0.0));
+    (joints.len() == wanted && wanted <= angles.len()).then_some(angles)
 }
 
-/// The motion that a command's body asks for; `None` if a knot has not six angles.
-fn motion(body: &CommandBody) -> Option<Motion> {
+/// The motion that a command's body asks for; `None` if a knot has another number of angles than
+/// the leg has joints.
+fn motion(robot: &Robot, body: &CommandBody) -> Option<Motion> {
     Some(match body {
         CommandBody::JointPath { leg, knots } => Motion::JointPath {
             leg: leg.clone(),
-            knots: knots.iter().map(|k| angles(&k.joints_rad)).collect::<Option<_>>()?,
+            knots: knots
+                .iter()
+                .map(|k| angles(robot, leg, &k.joints_rad))
+                .collect::<Option<_>>()?,
         },
         CommandBody::WheelLine { leg, position_m } => {
             Motion::WheelLine { leg: leg.clone(), center: (*position_m).into() }

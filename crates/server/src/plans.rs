@@ -83,9 +83,10 @@ impl StoredPlan {
         if let Some(CommandBody::JointPath { leg, knots }) = body
             && let (Some(leg), Some(JointKnot { joints_rad, .. })) =
                 (robot.leg_id(leg), knots.first())
-            && joints_rad.len() == configuration.legs[leg.0].len()
+            && joints_rad.len() == robot.leg(leg).n_joints()
         {
-            configuration.legs[leg.0].copy_from_slice(joints_rad);
+            configuration.legs[leg.0].as_mut_slice()[..joints_rad.len()]
+                .copy_from_slice(joints_rad);
         }
         configuration
     }

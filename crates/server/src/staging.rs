@@ -101,7 +101,7 @@ fn of_plan(
 }
 
 fn joints_of(robot: &Robot, configuration: &Configuration) -> BTreeMap<String, Vec<f64>> {
-    convert::by_leg(robot, |leg| configuration.legs[leg.0].iter().copied().collect())
+    convert::by_leg(robot, |leg| convert::by_joint(robot.leg(leg), &configuration.legs[leg.0]))
 }
 
 /// A command by hand: limits and reach are checked, collisions are left to the rover's own guard.
@@ -159,8 +159,8 @@ fn joint_path(
     for (i, knot) in knots.iter().enumerate() {
         let at = at.index(i);
         let (at_joints, at_time) = (at.field("joints_rad"), at.field("time_s"));
-        let angles = convert::leg_angles(&at_joints, &knot.joints_rad)?;
-        for (j, q) in angles.iter().enumerate() {
+        let angles = convert::leg_angles(&at_joints, model, &knot.joints_rad)?;
+        for (j, q) in angles.iter().enumerate().take(model.n_joints()) {
             let bounds = [model.lower[j] - 1e-9, model.upper[j] + 1e-9];
             check::within(&at_joints.index(j), *q, bounds, " rad, the joint's limits")?;
         }

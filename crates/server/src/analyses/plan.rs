@@ -5,7 +5,7 @@ use motion::{
     Stopped, Target, Watch, Waypoint, plan_step,
 };
 use nalgebra::Point3;
-use rover::{Configuration, LegId, Robot};
+use rover::{Configuration, Leg, LegId, Robot};
 use tokio::time::Instant;
 use wire::analysis::{
     PathPlanner, PlanAnswer, PlanBasis, PlanCommand, PlanConstraint, PlanFinding, PlanMargin,
@@ -59,7 +59,7 @@ fn step_request(scene: &Scene, request: &PlanRequest) -> Result<StepRequest, Req
             Target::Ground(Point3::from(check::position(&at.field("position_m"), p)?))
         }
         (None, Some(joints)) => {
-            Target::Angles(convert::leg_angles(&at.field("joints_rad"), joints)?)
+            Target::Angles(convert::leg_angles(&at.field("joints_rad"), robot.leg(leg), joints)?)
         }
         _ => {
             let text = "takes exactly one of position_m and joints_rad";
@@ -161,7 +161,7 @@ fn answer(
         reason: (!found.reason.is_empty()).then(|| found.reason.clone()),
         leg: request.leg.clone(),
         target_m,
-        waypoints: found.waypoints.iter().map(waypoint).collect(),
+        waypoints: found.waypoints.iter().map(|w| waypoint(robot.leg(leg), w)).collect(),
         commands,
         findings: found.findings.iter().map(finding).collect(),
         statistics: PlanStatistics {
@@ -227,9 +227,9 @@ fn phase(phase: Phase) -> PlanPhase {
     }
 }
 
-fn waypoint(waypoint: &Waypoint) -> PlanWaypoint {
+fn waypoint(leg: &Leg, waypoint: &Waypoint) -> PlanWaypoint {
     PlanWaypoint {
-        joints_rad: waypoint.angles.iter().copied().collect(),
+        joints_rad: convert::by_joint(leg, &waypoint.angles),
         phase: phase(waypoint.phase),
         time_s: waypoint.time,
         stance: None,
@@ -258,7 +258,7 @@ fn commands(robot: &Robot, leg: LegId, waypoints: &[Waypoint]) -> Vec<PlanComman
             let last = waypoints.iter().rposition(|w| w.phase == part)?;
             let start_s = waypoints[first - 1].time;
             let knots = waypoints[first - 1..=last].iter().map(|w| JointKnot {
-                joints_rad: w.angles.iter().copied().collect(),
+                joints_rad: convert::by_joint(robot.leg(leg), &w.angles),
                 time_s: w.time - start_s,
             });
             let title = match part {
