@@ -1,5 +1,7 @@
 //! What a robot's folder may not hold, each refused by name.
 
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use rover::{ModelError, Payload, Robot};
 
 use crate::athlete;
@@ -138,4 +140,37 @@ fn payloads_are_checked() {
     let edges = nalgebra::Vector3::new(1.0, 0.0, 1.0);
     let flat = Payload::boxed("chassis", 10.0, good.com, edges);
     assert_eq!(robot.with_payloads(&[flat]), Err(ModelError::PayloadShape));
+}
+
+#[test]
+fn no_mutation_of_a_urdf_makes_it_panic() {
+    // The quadruped cut down to its trunk and one leg: short, and with all that a URDF has.
+    let text = |file: &str| testkit::fixture_text(&format!("robots/quadruped/{file}"));
+    let mesh = text("meshes/trunk.obj");
+    let toml = text("robot.toml");
+    let toml = &toml[..toml.match_indices("[[legs]]").nth(1).expect("more legs").0];
+    let urdf = text("quadruped.urdf");
+    let one_leg = &urdf[..urdf.find("  <link name=\"FR_hip\">").expect("a second leg")];
+    let urdf = format!("{one_leg}</robot>").into_bytes();
+    let words = ["0", "-1e308", "NaN", "<link name=\"a\"/>", "\"", ">", "prismatic", "</joint>"];
+    let mut rng = ChaCha8Rng::seed_from_u64(31);
+    let mut loaded = 0;
+    for _ in 0..10_000 {
+        let mut bytes = urdf.clone();
+        for _ in 0..rng.random_range(1..4) {
+            let at = rng.random_range(0..bytes.len());
+            match rng.random_range(0..3) {
+                0 => bytes[at] = rng.random_range(b' '..=b'~'),
+                1 => drop(bytes.drain(at..(at + rng.random_range(0..60)).min(bytes.len()))),
+                _ => {
+                    let word = words[rng.random_range(0..words.len())];
+                    bytes.splice(at..at, word.bytes());
+                }
+            }
+        }
+        let urdf = String::from_utf8_lossy(&bytes).into_owned();
+        let mesh = |_: &str| Some(mesh.clone().into_bytes());
+        loaded += usize::from(Robot::from_folder(toml, |_| Some(urdf), mesh).is_ok());
+    }
+    assert!(loaded > 100, "only {loaded} of 10 000 were still robots: no evidence");
 }

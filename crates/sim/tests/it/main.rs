@@ -20,13 +20,18 @@ mod stops;
 /// Moon.
 const GRAVITY: f64 = 1.62;
 
-/// The robot that ships.
+/// The robot of the missions.
 fn athlete() -> Robot {
-    let folder = "robots/athlete/";
+    load("athlete")
+}
+
+/// A robot that ships.
+fn load(name: &str) -> Robot {
+    let text = |file: &str| testkit::fixture_text(&format!("robots/{name}/{file}"));
     Robot::from_folder(
-        &testkit::fixture_text(&format!("{folder}robot.toml")),
-        |file| Some(testkit::fixture_text(&format!("{folder}{file}"))),
-        |_| None,
+        &text("robot.toml"),
+        |file| Some(text(file)),
+        |mesh| Some(text(mesh).into_bytes()),
     )
     .unwrap()
 }
