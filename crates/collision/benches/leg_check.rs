@@ -5,7 +5,7 @@
 
 use std::sync::Arc;
 
-use collision::{LegChecker, Obstacle, Scene};
+use collision::{Allowance, Certifier, LegChecker, Obstacle, Scene};
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::{Isometry3, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -48,10 +48,31 @@ fn benches(c: &mut Criterion) {
     c.bench_function("leg_check/one configuration with tolerances", |b| {
         b.iter(|| {
             i = (i + 1) % configurations.len();
-            moved.move_leg(&robot, leg, &configurations[i]);
-            checker.violation(&moved, None)
+            checker.violation_at(&configurations[i], Allowance::default())
         });
     });
+    let mut certifier = Certifier::new(&checker);
+    let free: Vec<LegAngles> = configurations
+        .iter()
+        .filter(|q| checker.violation_at(q, Allowance::default()).is_none())
+        .copied()
+        .collect();
+    eprintln!("{} of {} free", free.len(), configurations.len());
+    let mut looked = 0;
+    let mut edges = 0;
+    c.bench_function("leg_check/one edge of 0.3 rad certified", |b| {
+        b.iter(|| {
+            i = (i + 1) % free.len();
+            let q = free[i];
+            let step = LegAngles::from_fn(|j, _| if (i >> j) & 1 == 0 { 0.3 } else { -0.3 });
+            let before = certifier.n_looked();
+            let answer = certifier.certify(&q, &(q + step), Allowance::default());
+            looked += certifier.n_looked() - before;
+            edges += 1;
+            answer
+        });
+    });
+    eprintln!("{} pieces an edge", looked as f64 / edges as f64);
     c.bench_function("leg_check/forward kinematics of the leg (baseline)", |b| {
         b.iter(|| {
             i = (i + 1) % configurations.len();

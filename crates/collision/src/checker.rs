@@ -1,14 +1,18 @@
 //! One moving leg against the ground, the obstacles and the rest of the robot.
+//!
+//! The rest of the robot is placed once. Quick bounds come first ([`crate::form`]), exact shapes only
+//! where these leave it open; the same look serves one configuration and a whole piece of a motion
+//! ([`crate::certificate`]): for a piece every distance must exceed how far the bodies can get.
 
-use nalgebra::{Isometry3, Point2, Point3};
-use parry3d_f64::math::Pose;
-use parry3d_f64::shape::Triangle;
-use rover::{LegId, LinkId, Posture};
+use nalgebra::{Point2, Point3};
+use rover::{Frame, LegAngles, LegChain, LegFrames, LegId, LinkId, Posture, place_of};
 
+use crate::form::{Core, Placed, apart};
+use crate::gjk::{Separation, separation};
+use crate::ground::{GroundNear, Kernel, clear_of_ground, highest_known, near_ground};
 use crate::pairs::{Body, pair_tolerance};
-use crate::scene::{Scene, Solid, aabb_of};
-use crate::solid::{Near, Part, near, to_parry_point, to_pose};
-use crate::wheel::{BEYOND_CONTACT, wheel_ground};
+use crate::scene::{Scene, Solid};
+use crate::solid::{Near, Part, near, pose_of, to_parry_point, to_pose};
 
 /// What touches what.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,18 +41,52 @@ pub struct Violation {
 }
 
 /// Where the moving wheel may touch the ground: about its start or its goal.
+///
+/// While the wheel is in its zone it may be in the ground, by no more than the ground tolerance,
+/// and its fork need keep no distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContactZone {
     /// The point of contact when the wheel stands.
     pub contact: Point3<f64>,
     /// Center of the wheel when it stands.
     pub center: Point3<f64>,
-    /// Horizontal radius within which ground may be touched (m).
+    /// The zone ends when the wheel's center is farther aside than this (m).
     pub radius: f64,
-    /// The zone ends when the wheel is higher than this above where it stands (m).
+    /// ... or higher than this above where it stands (m).
     pub height: f64,
     /// How deep a standing wheel may be in the ground (m).
     pub ground_tolerance: f64,
+}
+
+/// Share of the ground tolerance that rounding, and the pieces of a line that is not quite straight,
+/// may add to the depth of a standing wheel.
+const DEPTH_SLACK: f64 = 1.25;
+
+/// Clearances that a motion keeps beside the robot's tolerances (m).
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Keep {
+    /// From ground and obstacles, in place of the robot's own.
+    pub environment: Option<f64>,
+    /// Of every pair of links, in place of the robot's own table.
+    pub pairs: Option<f64>,
+    /// Added to every clearance: tracking error, sag, error of the map.
+    pub inflation: f64,
+    /// Added about obstacles (F86).
+    pub obstacle_buffer: f64,
+    /// The ground is raised by this much where [`Allowance::raised`] says so (F84), but never under
+    /// `footfalls`: about them it stays as it is for the moving wheel.
+    pub terrain_lift: f64,
+    /// Start and goal of the moving wheel.
+    pub footfalls: Vec<Point2<f64>>,
+}
+
+/// What is allowed, and asked, on a part of the way.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Allowance<'z> {
+    /// Where the wheel may touch.
+    pub zone: Option<&'z ContactZone>,
+    /// The ground counts as raised by [`Keep::terrain_lift`].
+    pub raised: bool,
 }
 
 /// Nearest distances of the moving leg.
@@ -60,32 +98,108 @@ pub struct Clearance {
     pub environment: Option<Violation>,
 }
 
-/// One leg that moves while the rest of the robot stands: the rest is placed once.
+/// One leg that moves while the rest of the robot stands.
 pub struct LegChecker<'a> {
-    scene: &'a Scene,
+    pub(crate) scene: &'a Scene,
+    pub(crate) chain: LegChain,
     leg: LegId,
-    moving: Vec<&'a Part>,
-    fixed: Vec<Placed<'a>>,
-    environment_tolerance: f64,
-    pair_tolerance: Option<f64>,
+    keep: Keep,
+    /// From the wheel inward: the wheel meets things first.
+    pub(crate) moving: Vec<Moving<'a>>,
+    fixed: Vec<Fixed<'a>>,
+    /// The base and each other leg: parts of `fixed` that lie together.
+    groups: Vec<Group>,
+    /// Obstacles within reach.
+    near_solids: Vec<usize>,
+    /// Highest ground within reach (m), if all of it is known.
+    roof: Option<f64>,
+    /// All that is looked at, from the wheel inward.
+    pub(crate) items: Vec<Item>,
 }
 
-struct Placed<'a> {
+/// A part of the moving leg.
+pub(crate) struct Moving<'a> {
+    pub part: &'a Part,
+    pub place: usize,
+    place_from_part: Frame,
+    is_foot: bool,
+    /// Clearance that each other moving part keeps from it (m).
+    required: Vec<Option<f64>>,
+}
+
+struct Fixed<'a> {
     part: &'a Part,
-    pose: Pose,
-    center: Point3<f64>,
+    placed: Placed,
+    /// Clearance that each moving part keeps from it (m); none for pairs that are not checked.
+    required: Vec<Option<f64>>,
 }
 
-impl<'a> Placed<'a> {
-    fn new(part: &'a Part, posture: &Posture) -> Placed<'a> {
-        let world_from_part: Isometry3<f64> = posture.link(part.link) * part.link_from_part;
-        Placed {
-            part,
-            pose: to_pose(&world_from_part),
-            center: world_from_part.translation.vector.into(),
-        }
+struct Group {
+    center: Point3<f64>,
+    radius: f64,
+    members: std::ops::Range<usize>,
+    /// Greatest clearance that any of its pairs keeps (m).
+    most_required: f64,
+}
+
+/// One thing to look at: a moving part and what it is held against.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Item {
+    pub moving: u16,
+    pub against: Against,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Against {
+    Ground,
+    Solids,
+    Group(u16),
+    Fixed(u16),
+    Own(u16),
+}
+
+/// What a look at one item says.
+pub(crate) enum Look {
+    /// Farther apart than asked, over the whole piece.
+    Clear,
+    /// Free in the middle of the piece; the rest is open.
+    Open,
+    /// Nearer than it may be in the middle of the piece.
+    Violated(Violation),
+}
+
+/// The leg at one configuration, and how far it may get from there.
+pub(crate) struct Moment<'m> {
+    pub frames: &'m LegFrames,
+    /// Most that each joint moves either way (rad); zero for one configuration.
+    pub change: &'m LegAngles,
+    pub allowance: Allowance<'m>,
+    /// Ask for exact distances where quick bounds do not tell.
+    pub fine: bool,
+    /// Only touching counts: no clearance is kept.
+    pub touch_only: bool,
+}
+
+impl Moment<'_> {
+    /// One configuration.
+    pub fn still<'m>(frames: &'m LegFrames, allowance: Allowance<'m>) -> Moment<'m> {
+        Moment { frames, change: &STILL, allowance, fine: true, touch_only: false }
+    }
+
+    fn required(&self, required: f64) -> f64 {
+        if self.touch_only { 0.0 } else { required }
     }
 }
+
+/// No joint moves.
+static STILL: LegAngles = LegAngles::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+
+/// Way of a body over half a piece below which the ground is looked at triangle by triangle (m at
+/// scale 1).
+const THOROUGH: f64 = 0.2;
+
+/// Limit of distance where only touching counts (m).
+const TOUCHING: f64 = 1e-9;
 
 impl<'a> LegChecker<'a> {
     /// Prepares checks of `leg` in `scene` with the rest of the robot as in `posture`.
@@ -98,16 +212,144 @@ impl<'a> LegChecker<'a> {
         environment: Option<f64>,
         pairs: Option<f64>,
     ) -> LegChecker<'a> {
-        let moves = |part: &&Part| matches!(part.body, Body::Leg { leg: l, .. } if l == leg);
-        let (moving, fixed): (Vec<&Part>, Vec<&Part>) = scene.parts.iter().partition(moves);
-        LegChecker {
-            scene,
-            leg,
-            moving,
-            fixed: fixed.into_iter().map(|part| Placed::new(part, posture)).collect(),
-            environment_tolerance: environment.unwrap_or(scene.robot().tolerances().environment),
-            pair_tolerance: pairs,
+        let keep = Keep { environment, pairs, ..Keep::default() };
+        LegChecker::keeping(scene, posture, leg, keep)
+    }
+
+    /// As [`new`](Self::new) with all clearances that the motion is to keep.
+    pub fn keeping(scene: &'a Scene, posture: &Posture, leg: LegId, keep: Keep) -> LegChecker<'a> {
+        let robot = scene.robot();
+        let mut moving = Vec::new();
+        let mut rest: Vec<&Part> = Vec::new();
+        for part in scene.parts.iter() {
+            match place_of(robot, leg, part.link) {
+                Some((place, place_from_link)) => moving.push(Moving {
+                    part,
+                    place,
+                    place_from_part: Frame::from(&(place_from_link * part.link_from_part)),
+                    is_foot: part.body.is_outermost(robot),
+                    required: Vec::new(),
+                }),
+                None => rest.push(part),
+            }
         }
+        moving.reverse();
+        rest.sort_by_key(|part| match part.body {
+            Body::Base => None,
+            Body::Leg { leg, .. } => Some(leg),
+        });
+        let fixed: Vec<Fixed> = rest
+            .into_iter()
+            .map(|part| {
+                let frame = Frame::from(&(posture.link(part.link) * part.link_from_part));
+                Fixed { part, placed: Placed::new(frame, &part.core), required: Vec::new() }
+            })
+            .collect();
+        let chain = LegChain::new(robot, posture, leg);
+        let mut checker = LegChecker {
+            scene,
+            chain,
+            leg,
+            keep,
+            moving,
+            fixed,
+            groups: Vec::new(),
+            near_solids: Vec::new(),
+            roof: None,
+            items: Vec::new(),
+        };
+        checker.tabulate();
+        checker.gather();
+        checker
+    }
+
+    /// What each moving part must keep from each fixed one, and from each other moving one.
+    fn tabulate(&mut self) {
+        let of = |part: &Part, moving: &[Moving]| -> Vec<Option<f64>> {
+            moving.iter().map(|m| self.pair_required(m.part, part)).collect()
+        };
+        let fixed: Vec<_> = self.fixed.iter().map(|f| of(f.part, &self.moving)).collect();
+        let own: Vec<_> = self.moving.iter().map(|m| of(m.part, &self.moving)).collect();
+        for (fixed, required) in self.fixed.iter_mut().zip(fixed) {
+            fixed.required = required;
+        }
+        for (moving, required) in self.moving.iter_mut().zip(own) {
+            moving.required = required;
+        }
+    }
+
+    /// Groups of fixed parts, obstacles within reach, and the list of items.
+    fn gather(&mut self) {
+        let body_of = |fixed: &Fixed| match fixed.part.body {
+            Body::Base => None,
+            Body::Leg { leg, .. } => Some(leg),
+        };
+        let mut start = 0;
+        while start < self.fixed.len() {
+            let same = |f: &&Fixed| body_of(f) == body_of(&self.fixed[start]);
+            let end = start + self.fixed[start..].iter().take_while(same).count();
+            let members = &self.fixed[start..end];
+            let sum = members
+                .iter()
+                .fold(nalgebra::Vector3::zeros(), |sum, f| sum + f.placed.frame.origin);
+            let center = Point3::from(sum / members.len() as f64);
+            let radius = members
+                .iter()
+                .map(|f| (f.placed.center() - center).norm() + f.placed.bound)
+                .fold(0.0, f64::max);
+            let most_required = self
+                .moving
+                .iter()
+                .flat_map(|m| members.iter().filter_map(|f| self.pair_required(m.part, f.part)))
+                .fold(f64::NEG_INFINITY, f64::max);
+            if most_required.is_finite() {
+                self.groups.push(Group { center, radius, members: start..end, most_required });
+            }
+            start = end;
+        }
+        let hip = self.chain.frames(&LegAngles::zeros()).links[0].origin;
+        let reach = self.reach_of_leg() + self.solid_required();
+        let beside = nalgebra::Vector2::repeat(reach);
+        let center = Point2::new(hip.x, hip.y);
+        self.roof = highest_known(self.scene, center - beside, center + beside);
+        self.near_solids = (0..self.scene.solids.len())
+            .filter(|i| {
+                let placed = &self.scene.solids[*i].placed;
+                let center: Point3<f64> = placed.center();
+                (center.coords - hip).norm() <= reach + placed.bound
+            })
+            .collect();
+        for (i, moving) in self.moving.iter().enumerate() {
+            let item = |against| Item { moving: i as u16, against };
+            self.items.push(item(Against::Ground));
+            if !self.near_solids.is_empty() {
+                self.items.push(item(Against::Solids));
+            }
+            self.items.extend((0..self.groups.len()).map(|g| item(Against::Group(g as u16))));
+            for (j, other) in self.moving.iter().enumerate().skip(i + 1) {
+                if self.pair_required(moving.part, other.part).is_some() {
+                    self.items.push(item(Against::Own(j as u16)));
+                }
+            }
+        }
+    }
+
+    /// Farthest that any point of the leg can be from its first joint (m).
+    fn reach_of_leg(&self) -> f64 {
+        let robot = self.scene.robot();
+        let joints = &robot.leg(self.leg).joints;
+        let mut to_place = 0.0;
+        let mut reach = 0.0_f64;
+        for (place, joint) in joints.iter().enumerate() {
+            if place > 0 {
+                to_place += robot.joints()[*joint].parent_from_joint.translation.vector.norm();
+            }
+            for m in self.moving.iter().filter(|m| m.place == place) {
+                let bound = m.part.core.half.norm() + m.part.core.radius;
+                reach = reach.max(to_place + m.place_from_part.origin.norm() + bound);
+            }
+        }
+        reach
     }
 
     /// The moving leg.
@@ -115,279 +357,559 @@ impl<'a> LegChecker<'a> {
         self.leg
     }
 
+    /// The kinematics of the moving leg.
+    pub fn chain(&self) -> &LegChain {
+        &self.chain
+    }
+
     /// The first thing nearer than it may be with the leg as in `posture`; `None` if all is free.
     pub fn violation(&self, posture: &Posture, zone: Option<&ContactZone>) -> Option<Violation> {
-        self.scan(posture, zone, |required| required, true).into_iter().next()
+        self.violation_in(&self.frames_of(posture), Allowance { zone, raised: false })
     }
 
     /// As [`violation`](Self::violation), but only what overlaps: distance zero.
     pub fn collision(&self, posture: &Posture, zone: Option<&ContactZone>) -> Option<Violation> {
-        self.scan(posture, zone, |_| 1e-9, true).into_iter().next()
+        let frames = self.frames_of(posture);
+        let moment = Moment::still(&frames, Allowance { zone, raised: false });
+        let moment = Moment { touch_only: true, ..moment };
+        self.first_violation(&moment, &mut Scratch::new(self))
     }
 
-    /// Nearest distances within `reach` (m) beyond the tolerances.
-    pub fn clearance(
+    /// As [`violation`](Self::violation) for joint angles.
+    pub fn violation_at(&self, angles: &LegAngles, allowance: Allowance) -> Option<Violation> {
+        self.violation_in(&self.chain.frames(angles), allowance)
+    }
+
+    fn violation_in(&self, frames: &LegFrames, allowance: Allowance) -> Option<Violation> {
+        self.first_violation(&Moment::still(frames, allowance), &mut Scratch::new(self))
+    }
+
+    /// The first item that is violated at a moment.
+    pub(crate) fn first_violation(
         &self,
-        posture: &Posture,
-        zone: Option<&ContactZone>,
+        moment: &Moment,
+        scratch: &mut Scratch,
+    ) -> Option<Violation> {
+        self.items.iter().find_map(|item| match self.look(moment, item, scratch) {
+            Look::Violated(violation) => Some(violation),
+            Look::Clear | Look::Open => None,
+        })
+    }
+
+    /// Nearest distances within `reach` (m) beyond the tolerances, from exact shapes.
+    pub fn clearance(&self, posture: &Posture, allowance: Allowance, reach: f64) -> Clearance {
+        let frames = self.frames_of(posture);
+        let moment = Moment::still(&frames, allowance);
+        let mut scratch = Scratch::new(self);
+        let mut nearest = Clearance { links: None, environment: None };
+        for index in 0..self.moving.len() {
+            self.environment_clearance(&moment, index, reach, &mut scratch, &mut nearest);
+            self.links_clearance(&moment, index, reach, &mut scratch, &mut nearest);
+        }
+        nearest
+    }
+
+    fn environment_clearance(
+        &self,
+        moment: &Moment,
+        index: usize,
         reach: f64,
-    ) -> Clearance {
-        let all = self.scan(posture, zone, |required| required + reach, false);
-        let spare = |v: &Violation| v.distance - v.required;
-        let least = |links: bool| {
-            all.iter()
-                .filter(|v| matches!(v.touch, Touch::Links(..)) == links)
-                .min_by(|a, b| spare(a).total_cmp(&spare(b)))
-                .copied()
+        scratch: &mut Scratch,
+        nearest: &mut Clearance,
+    ) {
+        let moving = &self.moving[index];
+        scratch.place(self, moment, index);
+        scratch.place_foot(self, moment);
+        let placed = scratch.parts[index].placed;
+        let in_zone = moving.is_foot && self.zone_holds(moment, scratch).is_some();
+        let lift = if moment.allowance.raised { self.keep.terrain_lift } else { 0.0 };
+        // The rules that apply; the one that leaves most to spare counts.
+        let mut rules = vec![(self.environment(), lift)];
+        if moving.is_foot && lift > 0.0 && self.over_footfall(scratch).is_some() {
+            rules.push((self.environment(), 0.0));
+        }
+        if let (true, Some(zone)) = (in_zone, moment.allowance.zone) {
+            let depth = DEPTH_SLACK * zone.ground_tolerance;
+            rules.push((0.0, if moving.part.is_wheel { -depth } else { 0.0 }));
+        }
+        let link = moving.part.link;
+        let of_rule = |(required, lift): (f64, f64)| {
+            let at = placed.raised(-lift);
+            match near_ground(
+                self.scene,
+                moving.part,
+                &at,
+                required,
+                required + reach,
+                Kernel::Exact,
+            ) {
+                GroundNear::Clear => None,
+                GroundNear::Near(near) => Some(violation(Touch::Ground(link), near, required)),
+                GroundNear::Unknown(place) => {
+                    let touch = Touch::UnknownGround(link);
+                    Some(Violation { touch, distance: 0.0, required, place })
+                }
+            }
         };
-        Clearance { links: least(true), environment: least(false) }
+        let spare = |v: &Option<Violation>| v.map_or(f64::INFINITY, |v| v.distance - v.required);
+        let ground =
+            rules.into_iter().map(of_rule).max_by(|a, b| spare(a).total_cmp(&spare(b))).flatten();
+        // Touching within the zone is what the zone is for.
+        let touches = in_zone && ground.is_some_and(|v| v.required == 0.0 && v.distance > 0.0);
+        if !touches {
+            nearest.environment = nearer(nearest.environment, ground);
+        }
+        let required = if in_zone { 0.0 } else { self.solid_required() };
+        for &i in &self.near_solids {
+            let solid = &self.scene.solids[i];
+            let limit = required + reach;
+            if !apart(&placed, &moving.part.form, &solid.placed, &solid.form, limit) {
+                let near = near_solid(&placed, moving.part, solid, limit);
+                let found = near.map(|near| violation(Touch::Obstacle(link, i), near, required));
+                nearest.environment = nearer(nearest.environment, found);
+            }
+        }
     }
 
-    /// All pairs nearer than `limit(required)`, the first one only where `first` is set.
-    fn scan(
+    fn links_clearance(
         &self,
-        posture: &Posture,
-        zone: Option<&ContactZone>,
-        limit: impl Fn(f64) -> f64,
-        first: bool,
-    ) -> Vec<Violation> {
-        let moving: Vec<Placed> =
-            self.moving.iter().map(|part| Placed::new(part, posture)).collect();
-        let wheel = posture.wheel(self.scene.robot(), self.leg);
-        let center = wheel.center();
-        let zone = zone.filter(|z| {
-            (center.xy() - z.center.xy()).norm() <= z.radius && center.z <= z.center.z + z.height
+        moment: &Moment,
+        index: usize,
+        reach: f64,
+        scratch: &mut Scratch,
+        nearest: &mut Clearance,
+    ) {
+        let part = self.moving[index].part;
+        scratch.place(self, moment, index);
+        let placed = scratch.parts[index].placed;
+        let own = (index + 1..self.moving.len()).map(|j| {
+            scratch.place(self, moment, j);
+            (self.moving[j].part, scratch.parts[j].placed)
         });
-        let mut found = Vec::new();
-        // From the wheel inward: the wheel meets things first.
-        for (i, placed) in moving.iter().enumerate().rev() {
-            let in_zone = zone.filter(|_| placed.part.body.is_outermost(self.scene.robot()));
-            let required = if in_zone.is_some() { 0.0 } else { self.environment_tolerance };
-            match in_zone {
-                Some(zone) if placed.part.is_wheel => {
-                    found.extend(wheel_in_zone(self.scene, &wheel, placed.part.link, zone));
-                }
-                _ => {
-                    let reach = limit(required).max(1e-9);
-                    found.extend(self.ground(placed, required, reach));
-                }
+        let own: Vec<_> = own.collect();
+        let fixed = self.fixed.iter().map(|f| (f.part, f.placed));
+        for (other, at) in own.into_iter().chain(fixed) {
+            let Some(required) = self.pair_required(part, other) else { continue };
+            let limit = required + reach;
+            if apart(&placed, &part.form, &at, &other.form, limit) {
+                continue;
             }
-            for (index, solid) in self.scene.solids.iter().enumerate() {
-                let reach = limit(required).max(1e-9);
-                if let Some(near) = near_solid(placed, solid, reach) {
-                    let touch = Touch::Obstacle(placed.part.link, index);
-                    found.push(violation(touch, near, required));
-                }
-            }
-            if first && !found.is_empty() {
-                return found;
-            }
-            for other in self.fixed.iter().chain(&moving[..i]) {
-                found.extend(self.pair(placed, other, &limit));
-                if first && !found.is_empty() {
-                    return found;
-                }
-            }
+            let [pose, other_pose] = [&placed, &at].map(|p| pose_of(&p.frame));
+            let found = near(&pose, &*part.shape.0, &other_pose, &*other.shape.0, limit)
+                .map(|near| violation(Touch::Links(part.link, other.link), near, required));
+            nearest.links = nearer(nearest.links, found);
         }
-        found
     }
 
-    fn pair(&self, a: &Placed, b: &Placed, limit: &impl Fn(f64) -> f64) -> Option<Violation> {
-        let required = pair_tolerance(self.scene.robot(), a.part.body, b.part.body)?;
-        let required = self.pair_tolerance.unwrap_or(required);
-        let reach = limit(required).max(1e-9);
-        let apart = (a.center - b.center).norm() - a.part.radius - b.part.radius;
-        if apart >= reach {
-            return None;
+    fn frames_of(&self, posture: &Posture) -> LegFrames {
+        let model = self.scene.robot().leg(self.leg);
+        LegFrames {
+            // Beyond the last joint stands the last link: the padding of a short leg.
+            links: std::array::from_fn(|place| {
+                let place = place.min(model.n_joints() - 1);
+                Frame::from(posture.link(model.links[place]))
+            }),
+            axes: [nalgebra::Vector3::zeros(); 6],
+            slides: [false; 6],
         }
-        let near = near(&a.pose, &*a.part.shape.0, &b.pose, &*b.part.shape.0, reach)?;
-        Some(violation(Touch::Links(a.part.link, b.part.link), near, required))
     }
 
-    fn ground(&self, placed: &Placed, required: f64, reach: f64) -> Option<Violation> {
-        match near_ground(self.scene, placed.part, &placed.pose, &placed.center, reach) {
-            GroundNear::Clear => None,
-            GroundNear::Unknown(place) => Some(Violation {
-                touch: Touch::UnknownGround(placed.part.link),
+    /// Looks at one item. A group that is not clear as a whole is open: look at its members.
+    pub(crate) fn look(&self, moment: &Moment, item: &Item, scratch: &mut Scratch) -> Look {
+        let index = item.moving as usize;
+        scratch.place(self, moment, index);
+        let needs_foot = matches!(item.against, Against::Ground | Against::Solids)
+            && self.moving[index].is_foot
+            && (moment.allowance.zone.is_some() || moment.allowance.raised);
+        if needs_foot {
+            scratch.place_foot(self, moment);
+        }
+        if let Against::Own(j) = item.against {
+            scratch.place(self, moment, j as usize);
+        }
+        let scratch = &*scratch;
+        let here = &scratch.parts[index];
+        match item.against {
+            Against::Ground => self.look_at_ground(moment, index, here, scratch),
+            Against::Solids => self.look_at_solids(moment, index, here, scratch),
+            Against::Group(group) => {
+                let group = &self.groups[group as usize];
+                let reach = here.placed.bound + group.radius + group.most_required + here.motion;
+                if (here.placed.center() - group.center).norm_squared() >= reach * reach {
+                    return Look::Clear;
+                }
+                let mut worst = Look::Clear;
+                for k in group.members.clone() {
+                    match self.look_at_fixed(moment, index, here, k) {
+                        Look::Clear => {}
+                        Look::Open => worst = Look::Open,
+                        violated @ Look::Violated(_) => return violated,
+                    }
+                }
+                worst
+            }
+            Against::Fixed(k) => self.look_at_fixed(moment, index, here, k as usize),
+            Against::Own(j) => {
+                let other = &scratch.parts[j as usize];
+                self.look_at_own(moment, [index, j as usize], [here, other])
+            }
+        }
+    }
+
+    /// The members of a group that are open.
+    pub(crate) fn members(&self, group: u16) -> impl Iterator<Item = Against> + use<> {
+        self.groups[group as usize].members.clone().map(|k| Against::Fixed(k as u16))
+    }
+
+    fn look_at_fixed(&self, moment: &Moment, index: usize, here: &Here, k: usize) -> Look {
+        let (moving, fixed) = (&self.moving[index], &self.fixed[k]);
+        let Some(required) = fixed.required[index] else { return Look::Clear };
+        let required = moment.required(required);
+        let places = [&here.placed, &fixed.placed];
+        look_at_pair(moment, [moving.part, fixed.part], places, required, here.motion)
+    }
+
+    fn look_at_own(&self, moment: &Moment, [i, j]: [usize; 2], [a, b]: [&Here; 2]) -> Look {
+        let (first, second) = (&self.moving[i], &self.moving[j]);
+        let Some(required) = first.required[j] else { return Look::Clear };
+        // Moving parts are in the order from the wheel inward: the first one is farther out, and
+        // only the joints between the two change their distance.
+        let (outer, inner, here) =
+            if first.place >= second.place { (first, second, a) } else { (second, first, b) };
+        let [p, q] = here.placed.ends();
+        let motion = moment.frames.motion_bound(
+            outer.place,
+            inner.place + 1,
+            [&p, &q],
+            here.placed.radius,
+            moment.change,
+        );
+        let required = moment.required(required);
+        let places = [&a.placed, &b.placed];
+        look_at_pair(moment, [first.part, second.part], places, required, motion)
+    }
+
+    fn look_at_solids(
+        &self,
+        moment: &Moment,
+        index: usize,
+        here: &Here,
+        scratch: &Scratch,
+    ) -> Look {
+        let required = moment.required(self.solid_required());
+        let usual = self.look_at_solids_from(moment, index, here, required);
+        if !self.moving[index].is_foot || matches!(usual, Look::Clear) {
+            return usual;
+        }
+        // In its zone the foot need not keep its distance from what stands beside the footfall.
+        match self.zone_holds(moment, scratch) {
+            None => usual,
+            Some(surely) => {
+                let look = self.look_at_solids_from(moment, index, here, 0.0);
+                better(usual, look, surely)
+            }
+        }
+    }
+
+    fn look_at_solids_from(
+        &self,
+        moment: &Moment,
+        index: usize,
+        here: &Here,
+        required: f64,
+    ) -> Look {
+        let part = self.moving[index].part;
+        let need = (required + here.motion).max(TOUCHING);
+        let limit = if moment.fine { need } else { required.max(TOUCHING) };
+        let mut worst = Look::Clear;
+        for &i in &self.near_solids {
+            let solid = &self.scene.solids[i];
+            if apart(&here.placed, &part.form, &solid.placed, &solid.form, need) {
+                continue;
+            }
+            match quick_solid(&here.placed, part, solid, limit) {
+                None if moment.fine => {}
+                Some(near) if near.distance < required.max(TOUCHING) => {
+                    let touch = Touch::Obstacle(part.link, i);
+                    return Look::Violated(violation(touch, near, required));
+                }
+                None | Some(_) => worst = Look::Open,
+            }
+        }
+        worst
+    }
+
+    fn look_at_ground(
+        &self,
+        moment: &Moment,
+        index: usize,
+        here: &Here,
+        scratch: &Scratch,
+    ) -> Look {
+        let moving = &self.moving[index];
+        let lift = if moment.allowance.raised { self.keep.terrain_lift } else { 0.0 };
+        let required = moment.required(self.environment());
+        let usual = self.look_at_raised_ground(moment, moving, here, required, lift);
+        if !moving.is_foot || matches!(usual, Look::Clear) {
+            return usual;
+        }
+        // The foot may come nearer where it is allowed to touch, and about the footfalls the ground
+        // is not raised. One of these must hold for all of the piece.
+        let mut worst = usual;
+        if lift > 0.0
+            && let Some(surely) = self.over_footfall(scratch)
+        {
+            let look = self.look_at_raised_ground(moment, moving, here, required, 0.0);
+            worst = better(worst, look, surely);
+        }
+        if let (Some(zone), Some(surely)) =
+            (moment.allowance.zone, self.zone_holds(moment, scratch))
+        {
+            // Who only asks for touches is told of the tolerance itself.
+            let slack = if moment.touch_only { 1.0 } else { DEPTH_SLACK };
+            let depth = slack * zone.ground_tolerance;
+            let lift = if moving.part.is_wheel { -depth } else { 0.0 };
+            let look = self.look_at_raised_ground(moment, moving, here, 0.0, lift);
+            worst = better(worst, look, surely);
+        }
+        worst
+    }
+
+    /// The part against ground that is raised by `lift` (m).
+    fn look_at_raised_ground(
+        &self,
+        moment: &Moment,
+        moving: &Moving,
+        here: &Here,
+        required: f64,
+        lift: f64,
+    ) -> Look {
+        let placed = here.placed.raised(-lift);
+        let need = (required + here.motion).max(TOUCHING);
+        let above = |roof| placed.frame.origin.z - placed.bound - need >= roof;
+        if self.roof.is_some_and(above) {
+            return Look::Clear;
+        }
+        // A single configuration and short pieces are decided here; a long piece is cut rather than
+        // looked at closely.
+        let thorough = !moment.fine && here.motion < THOROUGH * self.scene.robot().scale();
+        if clear_of_ground(self.scene, moving.part, &placed, need, thorough) {
+            return Look::Clear;
+        }
+        let link = moving.part.link;
+        let touching = required.max(TOUCHING);
+        let ground = |required: f64, reach: f64| {
+            near_ground(self.scene, moving.part, &placed, required, reach, Kernel::Quick)
+        };
+        if moment.fine {
+            match ground(need, need) {
+                GroundNear::Clear => return Look::Clear,
+                GroundNear::Near(near) if near.distance < touching => {
+                    return Look::Violated(violation(Touch::Ground(link), near, required));
+                }
+                GroundNear::Near(_) => return Look::Open,
+                // Unknown ground within the reach of the piece: is it within that of its middle?
+                GroundNear::Unknown(_) => {}
+            }
+        }
+        match ground(required, touching) {
+            GroundNear::Clear => Look::Open,
+            GroundNear::Near(near) => {
+                Look::Violated(violation(Touch::Ground(link), near, required))
+            }
+            GroundNear::Unknown(place) => Look::Violated(Violation {
+                touch: Touch::UnknownGround(link),
                 distance: 0.0,
                 required,
                 place,
             }),
-            GroundNear::Near(near) => {
-                Some(violation(Touch::Ground(placed.part.link), near, required))
-            }
         }
     }
+
+    /// Is the foot over its start or goal, where the ground is not raised: as
+    /// [`zone_holds`](Self::zone_holds).
+    fn over_footfall(&self, scratch: &Scratch) -> Option<bool> {
+        let wheel = &scratch.foot;
+        let radius = self.scene.robot().stance().contact_radius;
+        let aside = self.keep.footfalls.iter().map(|p| (wheel.center.xy() - p).norm());
+        let aside = aside.fold(f64::INFINITY, f64::min);
+        (aside <= radius).then_some(aside + wheel.motion <= radius)
+    }
+
+    /// Is the foot in the zone where it may touch: `None` if not, true if over all of the piece.
+    fn zone_holds(&self, moment: &Moment, scratch: &Scratch) -> Option<bool> {
+        let zone = moment.allowance.zone?;
+        let wheel = &scratch.foot;
+        let aside = (wheel.center.xy() - zone.center.xy()).norm();
+        let above = wheel.center.z - zone.center.z;
+        (aside <= zone.radius && above <= zone.height)
+            .then_some(aside + wheel.motion <= zone.radius && above + wheel.motion <= zone.height)
+    }
+
+    fn environment(&self) -> f64 {
+        let own = self.scene.robot().tolerances().environment;
+        self.keep.environment.unwrap_or(own) + self.keep.inflation
+    }
+
+    fn solid_required(&self) -> f64 {
+        self.environment() + self.keep.obstacle_buffer
+    }
+
+    fn pair_required(&self, a: &Part, b: &Part) -> Option<f64> {
+        let required = pair_tolerance(self.scene.robot(), a.body, b.body)?;
+        Some(self.keep.pairs.unwrap_or(required) + self.keep.inflation)
+    }
+}
+
+/// A moving part at a moment: where, and how far any of its points can get from there (m).
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Here {
+    pub placed: Placed,
+    pub motion: f64,
+}
+
+/// The center of the moving wheel at a moment.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Foot {
+    pub center: Point3<f64>,
+    pub motion: f64,
+}
+
+/// What has been placed at the present moment: each part when it is first asked for.
+pub(crate) struct Scratch {
+    parts: Vec<Here>,
+    /// Which of them hold: bit by index.
+    placed: Vec<bool>,
+    foot: Foot,
+    foot_placed: bool,
+}
+
+impl Scratch {
+    pub fn new(checker: &LegChecker) -> Scratch {
+        let nowhere = Placed::new(Frame::identity(), &Core::default());
+        let n = checker.moving.len();
+        Scratch {
+            parts: vec![Here { placed: nowhere, motion: 0.0 }; n],
+            placed: vec![false; n],
+            foot: Foot { center: Point3::origin(), motion: 0.0 },
+            foot_placed: false,
+        }
+    }
+
+    /// Another moment begins.
+    pub fn clear(&mut self) {
+        self.placed.fill(false);
+        self.foot_placed = false;
+    }
+
+    fn place(&mut self, checker: &LegChecker, moment: &Moment, index: usize) {
+        if self.placed[index] {
+            return;
+        }
+        self.placed[index] = true;
+        let moving = &checker.moving[index];
+        let frame = moment.frames.links[moving.place].after(&moving.place_from_part);
+        let placed = Placed::new(frame, &moving.part.core);
+        let [a, b] = placed.ends();
+        let motion = if std::ptr::eq(moment.change, &STILL) {
+            0.0
+        } else {
+            moment.frames.motion_bound(moving.place, 0, [&a, &b], placed.radius, moment.change)
+        };
+        self.parts[index] = Here { placed, motion };
+    }
+
+    fn place_foot(&mut self, checker: &LegChecker, moment: &Moment) {
+        self.foot_motion(checker, moment.frames, moment.change);
+    }
+
+    /// How far the foot's center can get (m).
+    pub fn foot_motion(
+        &mut self,
+        checker: &LegChecker,
+        frames: &LegFrames,
+        change: &LegAngles,
+    ) -> f64 {
+        if !self.foot_placed {
+            self.foot_placed = true;
+            let wheel = &checker.scene.robot().leg(checker.leg).wheel;
+            let center = Point3::from(wheel.carrier_from_wheel.translation.vector);
+            let center = frames.links[5].point(&center);
+            let motion = frames.motion_bound(5, 0, [&center, &center], 0.0, change);
+            self.foot = Foot { center, motion };
+        }
+        self.foot.motion
+    }
+
+    /// How far the part that has been looked at can get (m).
+    pub fn motion(&self, index: usize) -> f64 {
+        self.parts[index].motion
+    }
+}
+
+/// Of two rules of which one must hold: what the second one adds, which applies to the middle of the
+/// piece, and to all of it if `surely`.
+fn better(first: Look, second: Look, surely: bool) -> Look {
+    match (first, second) {
+        (_, Look::Clear) if surely => Look::Clear,
+        (_, Look::Clear | Look::Open) => Look::Open,
+        (Look::Violated(_), violated) => violated,
+        (first, _) => first,
+    }
+}
+
+fn look_at_pair(
+    moment: &Moment,
+    [a, b]: [&Part; 2],
+    [at_a, at_b]: [&Placed; 2],
+    required: f64,
+    motion: f64,
+) -> Look {
+    let need = (required + motion).max(TOUCHING);
+    if apart(at_a, &a.form, at_b, &b.form, need) {
+        return Look::Clear;
+    }
+    let limit = if moment.fine { need } else { required.max(TOUCHING) };
+    match separation(&(at_a, &a.form), &(at_b, &b.form), limit) {
+        Separation::Apart if moment.fine => Look::Clear,
+        Separation::Near { least, .. } if least < required.max(TOUCHING) => {
+            let near = Near { distance: least, place: at_b.center() };
+            Look::Violated(violation(Touch::Links(a.link, b.link), near, required))
+        }
+        Separation::Apart | Separation::Near { .. } => Look::Open,
+    }
+}
+
+/// Of two the one that has less to spare.
+fn nearer(a: Option<Violation>, b: Option<Violation>) -> Option<Violation> {
+    let spare = |v: &Violation| v.distance - v.required;
+    a.into_iter().chain(b).min_by(|a, b| spare(a).total_cmp(&spare(b)))
 }
 
 fn violation(touch: Touch, near: Near, required: f64) -> Violation {
     Violation { touch, distance: near.distance, required, place: near.place }
 }
 
-/// Inside its contact zone the wheel may touch within the zone's radius, as deep as a standing
-/// wheel may be; elsewhere it must be clear of the ground.
-fn wheel_in_zone(
-    scene: &Scene,
-    wheel: &rover::WheelPose,
-    link: LinkId,
-    zone: &ContactZone,
-) -> Option<Violation> {
-    let inside = |p: Point2<f64>| (p - zone.contact.xy()).norm() <= zone.radius;
-    let near = wheel_ground(wheel, scene.map(), inside);
-    let far = wheel_ground(wheel, scene.map(), |p| !inside(p));
-    let center = wheel.center();
-    if near.unknown || far.unknown {
-        let touch = Touch::UnknownGround(link);
-        return Some(Violation { touch, distance: 0.0, required: 0.0, place: center });
+/// As [`near_solid`], for searches: never too great.
+fn quick_solid(placed: &Placed, part: &Part, solid: &Solid, reach: f64) -> Option<Near> {
+    if solid.mesh {
+        return near_solid(placed, part, solid, reach);
     }
-    let deep = near.nearest.filter(|g| g.gap < -zone.ground_tolerance);
-    let beyond = far.nearest.filter(|g| g.gap < -BEYOND_CONTACT * zone.ground_tolerance);
-    deep.or(beyond).map(|gap| Violation {
-        touch: Touch::Ground(link),
-        distance: 0.0,
-        required: 0.0,
-        place: gap.ground,
-    })
-}
-
-pub(crate) enum GroundNear {
-    /// Farther than asked.
-    Clear,
-    /// Over ground that nobody has seen, at this place.
-    Unknown(Point3<f64>),
-    /// Nearer than asked.
-    Near(Near),
-}
-
-/// The distance of a part from the solid ground, if less than `reach` (m).
-pub(crate) fn near_ground(
-    scene: &Scene,
-    part: &Part,
-    pose: &Pose,
-    center: &Point3<f64>,
-    reach: f64,
-) -> GroundNear {
-    let map = scene.map();
-    let grid = map.grid();
-    let aabb = part.shape.compute_aabb(pose);
-    let min = Point2::new(aabb.mins.x - reach, aabb.mins.y - reach);
-    let max = Point2::new(aabb.maxs.x + reach, aabb.maxs.y + reach);
-    let far = grid.far_corner();
-    let outside = aabb.mins.x < grid.origin.x
-        || aabb.mins.y < grid.origin.y
-        || aabb.maxs.x > far.x
-        || aabb.maxs.y > far.y;
-    if outside || over_a_hole(scene, min, max) {
-        return GroundNear::Unknown(*center);
-    }
-    if map.max_over(min, max) < aabb.mins.z - reach {
-        return GroundNear::Clear;
-    }
-    if map.height_at(center.xy()).is_some_and(|ground| ground >= center.z) {
-        return GroundNear::Near(Near { distance: 0.0, place: *center });
-    }
-    let mut nearest: Option<Near> = None;
-    let mut limit = reach;
-    let world = Pose::IDENTITY;
-    for_each_triangle(map, min, max, |corners| {
-        let top = corners[0].z.max(corners[1].z).max(corners[2].z);
-        if top < aabb.mins.z - limit {
-            return true;
-        }
-        let [a, b, c] = corners.map(|p| to_parry_point(&p));
-        let triangle = Triangle::new(a, b, c);
-        if let Some(hit) = near(pose, &*part.shape.0, &world, &triangle, limit) {
-            limit = hit.distance;
-            nearest = Some(hit);
-        }
-        limit > 0.0
-    });
-    nearest.map_or(GroundNear::Clear, GroundNear::Near)
-}
-
-/// Does the rectangle touch a square of the map with an unknown corner? The pyramid is quick but
-/// sees farther than the rectangle, so its yes is looked at node by node.
-fn over_a_hole(scene: &Scene, min: Point2<f64>, max: Point2<f64>) -> bool {
-    if !scene.holes.as_ref().is_some_and(|holes| holes.max_over(min, max) > 0.0) {
-        return false;
-    }
-    let heights = scene.map().heights();
-    let pad = nalgebra::Vector2::repeat(heights.grid().resolution);
-    let (xs, ys) = heights.grid().nodes_within(min - pad, max + pad);
-    ys.into_iter().any(|iy| xs.clone().any(|ix| heights.at(ix, iy).is_nan()))
-}
-
-/// Calls `visit` with each known triangle of the squares that the rectangle touches, until it
-/// answers false.
-fn for_each_triangle(
-    map: &terrain::ElevationMap,
-    min: Point2<f64>,
-    max: Point2<f64>,
-    mut visit: impl FnMut([Point3<f64>; 3]) -> bool,
-) {
-    let grid = map.grid();
-    let pad = grid.resolution;
-    let (xs, ys) = grid
-        .nodes_within(Point2::new(min.x - pad, min.y - pad), Point2::new(max.x + pad, max.y + pad));
-    let node = |ix: usize, iy: usize| {
-        let p = grid.position(ix, iy);
-        Point3::new(p.x, p.y, f64::from(*map.heights().at(ix, iy)))
-    };
-    for iy in ys.start..ys.end.saturating_sub(1) {
-        for ix in xs.start..xs.end.saturating_sub(1) {
-            let (b, c) = (node(ix + 1, iy), node(ix, iy + 1));
-            for a in [node(ix, iy), node(ix + 1, iy + 1)] {
-                let known = a.z.is_finite() && b.z.is_finite() && c.z.is_finite();
-                if known && !visit([a, b, c]) {
-                    return;
-                }
-            }
+    match separation(&(placed, &part.form), &(&solid.placed, &solid.form), reach) {
+        Separation::Apart => None,
+        Separation::Near { least, .. } => {
+            Some(Near { distance: least, place: solid.placed.center() })
         }
     }
 }
 
-fn near_solid(placed: &Placed, solid: &Solid, reach: f64) -> Option<Near> {
+/// The exact distance from an obstacle, if less than `reach` (m).
+pub(crate) fn near_solid(placed: &Placed, part: &Part, solid: &Solid, reach: f64) -> Option<Near> {
     let pose = to_pose(&solid.world_from_solid);
-    let (lo, hi) = aabb_of(&solid.shape, &solid.world_from_solid);
-    let c = placed.center;
-    let r = placed.part.radius + reach;
-    let apart = (0..3).any(|i| c[i] + r < lo[i] || c[i] - r > hi[i]);
-    if apart {
-        return None;
-    }
     // A mesh is a surface to parry: a part wholly inside it would touch nothing.
-    if solid.mesh && solid.shape.contains_point(&pose, to_parry_point(&c)) {
-        return Some(Near { distance: 0.0, place: c });
+    let center = placed.center();
+    if solid.mesh && solid.shape.contains_point(&pose, to_parry_point(&center)) {
+        return Some(Near { distance: 0.0, place: center });
     }
-    near(&placed.pose, &*placed.part.shape.0, &pose, &*solid.shape.0, reach)
-}
-
-/// As the checker does it, for a part of any body: used by the survey.
-pub(crate) fn environment_of(
-    scene: &Scene,
-    part: &Part,
-    posture: &Posture,
-    reach: f64,
-) -> Vec<(Touch, Near)> {
-    let placed = Placed::new(part, posture);
-    let mut found = Vec::new();
-    if let GroundNear::Near(near) = near_ground(scene, part, &placed.pose, &placed.center, reach) {
-        found.push((Touch::Ground(part.link), near));
-    }
-    for (index, solid) in scene.solids.iter().enumerate() {
-        if let Some(near) = near_solid(&placed, solid, reach) {
-            found.push((Touch::Obstacle(part.link, index), near));
-        }
-    }
-    found
-}
-
-/// The distance of two parts if less than `reach` (m).
-pub(crate) fn parts_near(a: &Part, b: &Part, posture: &Posture, reach: f64) -> Option<Near> {
-    let (a, b) = (Placed::new(a, posture), Placed::new(b, posture));
-    let apart = (a.center - b.center).norm() - a.part.radius - b.part.radius;
-    if apart >= reach {
-        return None;
-    }
-    near(&a.pose, &*a.part.shape.0, &b.pose, &*b.part.shape.0, reach)
+    near(&pose_of(&placed.frame), &*part.shape.0, &pose, &*solid.shape.0, reach)
 }

@@ -6,11 +6,16 @@
 //!
 //! - [`Scene`]: robot, map and obstacles, prepared once.
 //! - [`LegChecker`]: one moving leg against everything else, with the rest of the robot cached.
+//! - [`Certifier`]: is a motion of that leg free, at every resolution?
 //! - [`survey`]: the whole robot in one posture.
 //! - [`touchdowns`]: ways to put a wheel down at a place of the map.
 //! - [`wheel_ground`]: how high a wheel is above the ground and where it would touch.
 
+mod certificate;
 mod checker;
+mod form;
+mod gjk;
+mod ground;
 mod pairs;
 mod scene;
 mod solid;
@@ -18,7 +23,8 @@ mod survey;
 mod touchdown;
 mod wheel;
 
-pub use checker::{Clearance, ContactZone, LegChecker, Touch, Violation};
+pub use certificate::{Certificate, Certifier};
+pub use checker::{Allowance, Clearance, ContactZone, Keep, LegChecker, Touch, Violation};
 pub use pairs::Body;
 pub use scene::{Obstacle, Scene, SceneError};
 pub use survey::{PairDistance, Survey, survey};

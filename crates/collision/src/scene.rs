@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
-use geometry::{MaxPyramid, Raster};
 use nalgebra::{Isometry3, Point3, Vector3};
 use parry3d_f64::shape::{SharedShape, TriMesh, TriMeshFlags};
-use rover::Robot;
+use rover::{Frame, Robot};
 use terrain::ElevationMap;
 
+use crate::form::{Form, Placed};
 use crate::solid::{Part, parts_of, to_parry_point};
 
 /// Something solid that is not ground.
@@ -51,6 +51,20 @@ pub(crate) struct Solid {
     pub shape: SharedShape,
     pub world_from_solid: Isometry3<f64>,
     pub mesh: bool,
+    /// A box that holds it, and where: the obstacle itself if it is a box.
+    pub form: Form,
+    pub placed: Placed,
+}
+
+impl Solid {
+    fn new(shape: SharedShape, world_from_solid: Isometry3<f64>, mesh: bool) -> Solid {
+        // In the solid's own frame, so that the box of a box is the box.
+        let (lo, hi) = aabb_of(&shape, &Isometry3::identity());
+        let form = Form::Box { half: (hi - lo) * 0.5 };
+        let world_from_box = world_from_solid * Isometry3::from(nalgebra::center(&lo, &hi).coords);
+        let placed = Placed::new(Frame::from(&world_from_box), &form.core());
+        Solid { shape, world_from_solid, mesh, form, placed }
+    }
 }
 
 /// Robot, map and obstacles, prepared once and then shared by every check.
@@ -60,8 +74,6 @@ pub struct Scene {
     map: ElevationMap,
     pub(crate) parts: Arc<Vec<Part>>,
     pub(crate) solids: Arc<Vec<Solid>>,
-    /// Where the map has holes; none if it has none.
-    pub(crate) holes: Option<Arc<MaxPyramid>>,
 }
 
 impl Scene {
@@ -76,15 +88,8 @@ impl Scene {
             .enumerate()
             .map(|(index, obstacle)| solid_of(index, obstacle))
             .collect::<Result<_, _>>()?;
-        let heights = map.heights();
-        let holes = heights.values().iter().any(|z| z.is_nan()).then(|| {
-            let grid = *heights.grid();
-            let flags =
-                Raster::from_fn(grid, |ix, iy| f32::from(u8::from(heights.at(ix, iy).is_nan())));
-            Arc::new(MaxPyramid::new(&flags))
-        });
         let parts = Arc::new(parts_of(&robot));
-        Ok(Scene { robot, map, parts, solids: Arc::new(solids), holes })
+        Ok(Scene { robot, map, parts, solids: Arc::new(solids) })
     }
 
     /// The robot.
@@ -112,11 +117,8 @@ fn solid_of(index: usize, obstacle: &Obstacle) -> Result<Solid, SceneError> {
             if !world_from_box.translation.vector.iter().all(|v| v.is_finite()) {
                 return Err(SceneError::NotFinite { index });
             }
-            Ok(Solid {
-                shape: SharedShape::cuboid(half_extents.x, half_extents.y, half_extents.z),
-                world_from_solid: *world_from_box,
-                mesh: false,
-            })
+            let shape = SharedShape::cuboid(half_extents.x, half_extents.y, half_extents.z);
+            Ok(Solid::new(shape, *world_from_box, false))
         }
         Obstacle::Mesh { vertices, triangles } => {
             if vertices.iter().any(|v| !v.coords.iter().all(|c| c.is_finite())) {
@@ -132,11 +134,7 @@ fn solid_of(index: usize, obstacle: &Obstacle) -> Result<Solid, SceneError> {
             let points = vertices.iter().map(to_parry_point).collect();
             let mesh = TriMesh::with_flags(points, triangles.clone(), TriMeshFlags::ORIENTED)
                 .map_err(|_| SceneError::MeshNotClosed { index })?;
-            Ok(Solid {
-                shape: SharedShape::new(mesh),
-                world_from_solid: Isometry3::identity(),
-                mesh: true,
-            })
+            Ok(Solid::new(SharedShape::new(mesh), Isometry3::identity(), true))
         }
     }
 }
@@ -155,7 +153,7 @@ fn is_closed(triangles: &[[u32; 3]]) -> bool {
 }
 
 /// The axis-parallel box (lowest and highest corner) that holds a placed shape.
-pub(crate) fn aabb_of(shape: &SharedShape, pose: &Isometry3<f64>) -> (Point3<f64>, Point3<f64>) {
+fn aabb_of(shape: &SharedShape, pose: &Isometry3<f64>) -> (Point3<f64>, Point3<f64>) {
     let aabb = shape.compute_aabb(&crate::solid::to_pose(pose));
     let point = |v: parry3d_f64::math::Vector| Point3::new(v.x, v.y, v.z);
     (point(aabb.mins), point(aabb.maxs))

@@ -1,12 +1,15 @@
 //! Shapes on the way to parry and back: the one place where the two linear algebras meet.
 
+use std::sync::Arc;
+
 use nalgebra::{Isometry3, Point3, Vector3};
 use parry3d_f64::math::{Pose, Vector};
 use parry3d_f64::query::{ClosestPoints, closest_points};
 use parry3d_f64::shape::{ConvexPolyhedron, Shape as ParryShape, SharedShape};
 use parry3d_f64::transformation::try_convex_hull;
-use rover::{LinkId, Robot, Shape};
+use rover::{Frame, LinkId, Robot, Shape};
 
+use crate::form::{Core, Form};
 use crate::pairs::Body;
 
 /// A shape of a link as parry wants it.
@@ -15,9 +18,10 @@ pub(crate) struct Part {
     pub link: LinkId,
     pub body: Body,
     pub shape: SharedShape,
+    /// The same for quick tests.
+    pub form: Form,
+    pub core: Core,
     pub link_from_part: Isometry3<f64>,
-    /// Radius of the sphere about the part's origin that holds it (m).
-    pub radius: f64,
     /// True for the wheel itself, which may touch the ground.
     pub is_wheel: bool,
 }
@@ -32,28 +36,31 @@ pub(crate) fn parts_of(robot: &Robot) -> Vec<Part> {
         let body = Body::of(robot, id);
         let is_wheel = robot.legs().iter().any(|leg| leg.wheel_link == id);
         for placed in &link.shapes {
-            let mut add = |shape: SharedShape, turn: Isometry3<f64>, radius: f64| {
+            let mut add = |shape: SharedShape, turn: Isometry3<f64>, form: Form| {
                 let link_from_part = placed.link_from_shape * turn;
-                parts.push(Part { link: id, body, shape, link_from_part, radius, is_wheel });
+                let core = form.core();
+                parts.push(Part { link: id, body, shape, form, core, link_from_part, is_wheel });
             };
             let as_is = Isometry3::identity();
-            match &placed.shape {
+            match placed.shape {
                 Shape::Box { half_extents: h } => {
-                    add(SharedShape::cuboid(h.x, h.y, h.z), as_is, h.norm());
+                    add(SharedShape::cuboid(h.x, h.y, h.z), as_is, Form::Box { half: h });
                 }
-                Shape::Cylinder { radius, half_length } => {
-                    let shape = SharedShape::cylinder(*half_length, *radius);
-                    add(shape, upright, radius.hypot(*half_length));
+                Shape::Cylinder { radius, half_length: half } => {
+                    let shape = SharedShape::cylinder(half, radius);
+                    add(shape, upright, Form::Cylinder { radius, half });
                 }
-                Shape::Capsule { radius, half_length } => {
-                    let shape = SharedShape::capsule_y(*half_length, *radius);
-                    add(shape, upright, radius + half_length);
+                Shape::Capsule { radius, half_length: half } => {
+                    let shape = SharedShape::capsule_y(half, radius);
+                    add(shape, upright, Form::Capsule { radius, half });
                 }
-                Shape::Sphere { radius } => add(SharedShape::ball(*radius), as_is, *radius),
-                Shape::Mesh(mesh) => {
+                Shape::Sphere { radius } => {
+                    add(SharedShape::ball(radius), as_is, Form::Sphere { radius });
+                }
+                Shape::Mesh(ref mesh) => {
                     for points in mesh.components() {
-                        let (shape, place, radius) = hull_of(&points);
-                        add(shape, place, radius);
+                        let (shape, place, form) = hull_of(points);
+                        add(shape, place, form);
                     }
                 }
             }
@@ -62,27 +69,33 @@ pub(crate) fn parts_of(robot: &Robot) -> Vec<Part> {
     parts
 }
 
-/// The convex hull of a mesh's component, its place on the mesh, and the radius of the sphere that
-/// holds it there (m). Points that lie in no common plane have a hull; should its computation still
-/// fail, their axis-parallel box, which holds it, takes its place.
-fn hull_of(points: &[Point3<f64>]) -> (SharedShape, Isometry3<f64>, f64) {
-    let corners: Vec<Vector> = points.iter().map(to_parry_point).collect();
-    let hull = try_convex_hull(&corners).ok();
-    let solid = hull.and_then(|(points, faces)| ConvexPolyhedron::from_convex_mesh(points, &faces));
-    if let Some(solid) = solid {
-        let radius = points.iter().map(|p| p.coords.norm()).fold(0.0, f64::max);
-        return (SharedShape::new(solid), Isometry3::identity(), radius);
-    }
+/// The convex hull of a mesh's component about its middle, and where that is on the mesh. Points that
+/// lie in no common plane have a hull; should its computation still fail, their axis-parallel box,
+/// which holds it, takes its place.
+fn hull_of(points: Vec<Point3<f64>>) -> (SharedShape, Isometry3<f64>, Form) {
     let start = (Point3::from([f64::INFINITY; 3]), Point3::from([f64::NEG_INFINITY; 3]));
     let (low, high) = points.iter().fold(start, |(low, high), p| (low.inf(p), high.sup(p)));
-    let half = (high - low) * 0.5;
-    let center = Isometry3::from(nalgebra::center(&low, &high).coords);
-    (SharedShape::cuboid(half.x, half.y, half.z), center, half.norm())
+    let (half, middle) = ((high - low) * 0.5, nalgebra::center(&low, &high).coords);
+    let corners: Vec<Vector> = points.iter().map(|p| to_parry_point(&(p - middle))).collect();
+    let hull = try_convex_hull(&corners).ok();
+    let solid = hull.and_then(|(points, faces)| ConvexPolyhedron::from_convex_mesh(points, &faces));
+    let (shape, form) = match solid {
+        Some(solid) => {
+            let points = solid.points().iter().map(|p| Point3::new(p.x, p.y, p.z)).collect();
+            (SharedShape::new(solid), Form::Hull { points: Arc::new(points) })
+        }
+        None => (SharedShape::cuboid(half.x, half.y, half.z), Form::Box { half }),
+    };
+    (shape, Isometry3::from(middle), form)
 }
 
 /// The edge to parry: glam poses from nalgebra ones.
 pub(crate) fn to_pose(isometry: &Isometry3<f64>) -> Pose {
     Pose::from(*isometry)
+}
+
+pub(crate) fn pose_of(frame: &Frame) -> Pose {
+    to_pose(&frame.to_isometry())
 }
 
 pub(crate) fn to_parry_point(p: &Point3<f64>) -> Vector {

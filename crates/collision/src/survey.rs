@@ -3,11 +3,14 @@
 use std::collections::BTreeMap;
 
 use nalgebra::Point3;
-use rover::{LegId, LinkId, Posture};
+use rover::{Frame, LegId, LinkId, Posture};
 
-use crate::checker::{Touch, environment_of, parts_near};
+use crate::checker::{Touch, near_solid};
+use crate::form::{Placed, apart};
+use crate::ground::{GroundNear, Kernel, near_ground};
 use crate::pairs::pair_tolerance;
 use crate::scene::Scene;
+use crate::solid::{Near, Part, near, pose_of};
 use crate::wheel::{BEYOND_CONTACT, WheelGround, contact_center, wheel_ground};
 
 /// Two things and their distance.
@@ -71,11 +74,20 @@ pub fn survey(scene: &Scene, posture: &Posture) -> Survey {
         .filter(|leg| wheels[leg.0].nearest.is_some_and(|g| g.gap.abs() <= rules.ground_tolerance))
         .collect();
 
+    let placed: Vec<Placed> = scene
+        .parts
+        .iter()
+        .map(|part| {
+            let frame = Frame::from(&(posture.link(part.link) * part.link_from_part));
+            Placed::new(frame, &part.core)
+        })
+        .collect();
     let mut links: BTreeMap<(LinkId, LinkId), PairDistance> = BTreeMap::new();
     for (i, a) in scene.parts.iter().enumerate() {
-        for b in &scene.parts[i + 1..] {
+        for (j, b) in scene.parts.iter().enumerate().skip(i + 1) {
             let Some(tolerance) = pair_tolerance(robot, a.body, b.body) else { continue };
-            let Some(near) = parts_near(a, b, posture, tolerance.max(1e-9)) else { continue };
+            let reach = tolerance.max(1e-9);
+            let Some(near) = parts_near([a, b], [&placed[i], &placed[j]], reach) else { continue };
             let touch = Touch::Links(a.link, b.link);
             let entry = PairDistance { touch, distance: near.distance, tolerance };
             links
@@ -87,10 +99,10 @@ pub fn survey(scene: &Scene, posture: &Posture) -> Survey {
 
     let tolerance = robot.tolerances().environment;
     let mut environment = Vec::new();
-    for part in scene.parts.iter() {
+    for (part, placed) in scene.parts.iter().zip(&placed) {
         let leg = robot.leg_ids().find(|leg| robot.leg(*leg).wheel_link == part.link);
         let stands = leg.filter(|leg| standing.contains(leg));
-        for (touch, near) in environment_of(scene, part, posture, tolerance.max(1e-9)) {
+        for (touch, near) in environment_of(scene, part, placed, tolerance.max(1e-9)) {
             if let (Some(leg), Touch::Ground(_), true) = (stands, touch, part.is_wheel) {
                 if !touches_beyond_contact(scene, posture, leg, &wheels[leg.0]) {
                     continue;
@@ -121,4 +133,30 @@ fn touches_beyond_contact(
     let far = |p: nalgebra::Point2<f64>| (p - contact.xy()).norm() > rules.contact_radius;
     let beyond = wheel_ground(&wheel, scene.map(), far);
     beyond.nearest.is_some_and(|g| g.gap < -BEYOND_CONTACT * rules.ground_tolerance)
+}
+
+/// Ground and obstacles nearer than `reach` (m) to a part.
+fn environment_of(scene: &Scene, part: &Part, placed: &Placed, reach: f64) -> Vec<(Touch, Near)> {
+    let mut found = Vec::new();
+    if let GroundNear::Near(near) = near_ground(scene, part, placed, reach, reach, Kernel::Exact) {
+        found.push((Touch::Ground(part.link), near));
+    }
+    for (index, solid) in scene.solids.iter().enumerate() {
+        if apart(placed, &part.form, &solid.placed, &solid.form, reach) {
+            continue;
+        }
+        if let Some(near) = near_solid(placed, part, solid, reach) {
+            found.push((Touch::Obstacle(part.link, index), near));
+        }
+    }
+    found
+}
+
+/// The distance of two parts if less than `reach` (m).
+fn parts_near([a, b]: [&Part; 2], [at_a, at_b]: [&Placed; 2], reach: f64) -> Option<Near> {
+    if apart(at_a, &a.form, at_b, &b.form, reach) {
+        return None;
+    }
+    let [pose_a, pose_b] = [at_a, at_b].map(|at| pose_of(&at.frame));
+    near(&pose_a, &*a.shape.0, &pose_b, &*b.shape.0, reach)
 }

@@ -10,5 +10,5 @@ mod raster;
 
 pub use angle::{within_limits, wrap_to_pi};
 pub use convex_polygon::{ConvexPolygon, ConvexRegion};
-pub use pyramid::MaxPyramid;
+pub use pyramid::{Block, MaxPyramid};
 pub use raster::{Grid, Raster};

@@ -2,7 +2,7 @@
 //! the executed motion finer than any planner, asks for distances instead of verdicts, and takes
 //! stability from the full assessment instead of the search's short cut.
 
-use collision::{ContactZone, LegChecker, Scene, Touch, Violation, wheel_ground};
+use collision::{Allowance, ContactZone, LegChecker, Scene, Touch, Violation, wheel_ground};
 use nalgebra::Point3;
 use rover::{Configuration, LegAngles, LegId, LinkId, Posture};
 use stability::rule::{self, Preference};
@@ -98,7 +98,7 @@ pub fn check_step(context: &CheckContext, waypoints: &[Waypoint]) -> CheckReport
     let mut margins = Vec::new();
 
     for (time, angles, phase) in samples(waypoints) {
-        for i in 0..6 {
+        for i in 0..model.n_joints() {
             let spare = (angles[i] - model.lower[i]).min(model.upper[i] - angles[i]);
             limits.take(spare, time, i);
         }
@@ -108,7 +108,8 @@ pub fn check_step(context: &CheckContext, waypoints: &[Waypoint]) -> CheckReport
             Phase::Shift | Phase::Transit => None,
             Phase::Drop | Phase::Preload => context.drop_zone.as_ref(),
         };
-        let clearance = checker.clearance(&posture, zone, 0.25 * robot.scale());
+        let clearance =
+            checker.clearance(&posture, Allowance { zone, raised: false }, 0.25 * robot.scale());
         if let Some(v) = clearance.links {
             links.take(v.distance - v.required, time, v);
         }

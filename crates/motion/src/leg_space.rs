@@ -2,12 +2,15 @@
 
 use collision::{ContactZone, LegChecker, Violation};
 use geometry::{ConvexPolygon, ConvexRegion};
-use nalgebra::Point3;
+use nalgebra::{Isometry3, Point3};
 use rover::{LegAngles, LegId, Posture, Robot};
 use stability::rule::Preference;
 use stability::{settlement, support_polygon};
 
-use crate::space::Space;
+use crate::space::{Space, WheelSpace, edge_is_sampled_free};
+
+/// Resolution of edges (rad, largest joint).
+const EPSILON: f64 = 0.01;
 
 /// The margin rule over fixed feet, prepared so that asking it is cheap.
 #[derive(Debug, Clone)]
@@ -135,5 +138,30 @@ impl Space for LegSpace<'_> {
         let blocked = self.blocked(angles);
         self.last = blocked.or(self.last);
         blocked.is_none()
+    }
+
+    fn edge_is_free(&mut self, a: &LegAngles, b: &LegAngles) -> bool {
+        self.is_free(a) && self.is_free(b) && edge_is_sampled_free(self, a, b, EPSILON)
+    }
+
+    fn epsilon(&self) -> Option<f64> {
+        Some(EPSILON)
+    }
+
+    fn n_checked(&self) -> u64 {
+        self.n_checked
+    }
+}
+
+impl WheelSpace for LegSpace<'_> {
+    fn wheel(&self, angles: &LegAngles) -> Isometry3<f64> {
+        let leg = self.checker.leg();
+        self.posture.with_leg(self.robot, leg, angles).wheel(self.robot, leg).world_from_wheel
+    }
+
+    fn angles_at(&self, wheel: &Isometry3<f64>) -> Vec<LegAngles> {
+        let found = self.posture.inverse_kinematics(self.robot, self.checker.leg(), wheel);
+        let within = found.iter().flatten().filter(|solution| solution.within_limits);
+        within.map(|solution| solution.angles).collect()
     }
 }

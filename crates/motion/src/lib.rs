@@ -6,14 +6,20 @@
 //!
 //! - [`plan_step`]: lift, transit and drop of one leg (F75), or its transit alone.
 //! - [`sbl`]: the planner as published (F68-F74); [`smooth`]: Dijkstra and bisection (F77-F79).
+//! - [`shift`]: the body over its planted feet, before a leg is lifted.
 //! - [`check`]: the final check, which alone decides whether a step may be offered.
 
 mod answer;
+pub mod astar;
 pub mod check;
 mod failure;
 mod leg_space;
 pub mod line;
+mod nearest;
+pub mod planner;
+pub mod rrt_connect;
 pub mod sbl;
+pub mod shift;
 pub mod smooth;
 pub mod space;
 mod step;
@@ -22,6 +28,9 @@ mod watch;
 pub use answer::{
     Buffers, Constraint, EdgeRule, Finding, Footfall, Outcome, PathPlanner, Phase, Planner,
     Statistics, StepAnswer, StepRequest, Target, Waypoint,
+};
+pub use shift::{
+    BodyClear, NoShift, SampledBody, ShiftPlan, ShiftRequest, base_between, plan_shift,
 };
 pub use step::plan_step;
 pub use watch::{Stage, Stopped, Unwatched, Watch};

@@ -2,8 +2,6 @@
 
 use collision::{ContactZone, LegChecker, Scene, Survey, Touchdown, survey, touchdowns};
 use nalgebra::{Isometry3, Point3, Translation3};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
 use rover::{Configuration, LegAngles, LegId, Posture};
 use stability::rule;
 
@@ -14,9 +12,10 @@ use crate::check::{CheckContext, check_step, touch_text};
 use crate::failure::{Failure, Teller, outcome_of};
 use crate::leg_space::{LegSpace, StanceGuard};
 use crate::line::wheel_line;
-use crate::sbl::{self, SblOptions, SblOutcome};
+use crate::planner::{PathSearch, Query, SearchOutcome};
+use crate::sbl::Sbl;
 use crate::smooth::smooth;
-use crate::space::{edge_is_free, path_length};
+use crate::space::{Space, path_length};
 use crate::watch::{Stage, Watch};
 
 /// Ways to put the wheel down that are looked at.
@@ -380,7 +379,7 @@ impl<'a> Planning<'a> {
         self.statistics.straight = (to - from).norm();
         let first = match self.request.planner {
             Planner::Line => self.line_transit(&from, &to, space)?,
-            Planner::Auto if edge_is_free(space, &from, &to, self.request.sbl.epsilon) => {
+            Planner::Auto if space.edge_is_free(&from, &to) => {
                 vec![from, to]
             }
             Planner::Auto | Planner::AStar | Planner::RrtConnect | Planner::Sbl => {
@@ -389,9 +388,10 @@ impl<'a> Planning<'a> {
         };
         self.statistics.first_path = path_length(&first);
         watch.entered(Stage::Smoothing);
-        let path = smooth(space, &first, &self.request.smooth, watch)?;
-        self.statistics.length = path_length(&path);
-        Ok(path)
+        let smoothed = smooth(space, &first, &self.request.smooth, watch)?;
+        self.statistics.n_edges += smoothed.n_edges;
+        self.statistics.length = path_length(&smoothed.path);
+        Ok(smoothed.path)
     }
 
     fn search(
@@ -402,20 +402,28 @@ impl<'a> Planning<'a> {
         space: &mut LegSpace,
         watch: &mut impl Watch,
     ) -> Result<Vec<LegAngles>, Failure> {
-        let options = SblOptions { max_milestones: budget, ..self.request.sbl };
-        let mut rng = ChaCha8Rng::seed_from_u64(self.request.seed);
-        let result = sbl::plan(space, from, to, &options, &mut rng, watch);
-        self.statistics.n_milestones += result.n_milestones;
+        let query = Query {
+            start: from,
+            goal: to,
+            seed: self.request.seed,
+            budget: u64::MAX,
+            max_nodes: budget,
+            cell: self.request.cell,
+        };
+        let sbl = Sbl { closeness: self.request.sbl.closeness };
+        let result = sbl.search(space, &query, watch);
+        self.statistics.n_milestones += result.n_nodes;
+        self.statistics.n_edges += result.n_edges;
         match result.outcome {
-            SblOutcome::Found(path) => Ok(path),
-            SblOutcome::Stopped(stopped) => Err(stopped.into()),
-            SblOutcome::NotFound => {
+            SearchOutcome::Found(path) => Ok(path),
+            SearchOutcome::Stopped(stopped) => Err(stopped.into()),
+            SearchOutcome::NotFound { .. } => {
                 let met = space.last.map_or(String::new(), |blocked| {
                     format!("; last in the way: {}", self.teller().blocked_text(&blocked))
                 });
                 let text = format!(
                     "no path within {} milestones, which is no proof that there is none{met}",
-                    result.n_milestones
+                    result.n_nodes
                 );
                 Err(Failure::new(7, Outcome::NoPath, text))
             }

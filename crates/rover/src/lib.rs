@@ -8,11 +8,13 @@
 //! - [`Robot`]: links, joints, [`Leg`]s, tolerances, poses ([`Robot::scaled`],
 //!   [`Robot::with_payloads`]).
 //! - [`Configuration`]: base pose and joint angles; [`Posture`]: where every link then is.
+//! - [`LegChain`]: one leg's kinematics made fast, and how far its points can get.
 //! - [`LegSolver`]: inverse kinematics of a leg: [`LegIk`], all branches of a leg that ends in a
 //!   spherical wrist, in closed form; [`NumericalIk`] for every other.
 //! - [`WheelPose`]: where a wheel or a ball foot is and where it touches.
 //! - [`Mesh`]: the triangles of a link's mesh, and its connected components.
 
+mod chain;
 mod config;
 mod ik;
 mod mesh;
@@ -23,6 +25,7 @@ mod statics;
 mod urdf;
 mod wheel;
 
+pub use chain::{Frame, LegChain, LegFrames, place_of};
 pub use config::{MotionLimits, StanceRules, Tolerances};
 pub use ik::{
     Branch, FootTarget, IkSolution, IkSolutions, LegIk, LegSolver, MAX_SOLUTIONS, NoSolution,

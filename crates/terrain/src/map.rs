@@ -95,6 +95,7 @@ pub struct ElevationMap {
 struct Ground {
     heights: Raster<f32>,
     pyramid: MaxPyramid,
+    holes: OnceLock<Option<MaxPyramid>>,
     version: OnceLock<u64>,
 }
 
@@ -107,7 +108,8 @@ impl ElevationMap {
             }
         }
         let pyramid = MaxPyramid::new(&heights);
-        let ground = Arc::new(Ground { heights, pyramid, version: OnceLock::new() });
+        let ground =
+            Arc::new(Ground { heights, pyramid, holes: OnceLock::new(), version: OnceLock::new() });
         ElevationMap { ground, source, frame_offset: Vector3::zeros() }
     }
 
@@ -140,6 +142,19 @@ impl ElevationMap {
     /// The pyramid of highest ground.
     pub fn pyramid(&self) -> &MaxPyramid {
         &self.ground.pyramid
+    }
+
+    /// Where heights are unknown: a pyramid of 1 at unknown nodes and 0 at known ones; none where all
+    /// are known.
+    pub fn holes(&self) -> Option<&MaxPyramid> {
+        let find = || {
+            let heights = &self.ground.heights;
+            heights.values().iter().any(|z| z.is_nan()).then(|| {
+                let flag = |ix, iy| f32::from(u8::from(heights.at(ix, iy).is_nan()));
+                MaxPyramid::new(&Raster::from_fn(*heights.grid(), flag))
+            })
+        };
+        self.ground.holes.get_or_init(find).as_ref()
     }
 
     /// Where the map came from.

@@ -11,6 +11,7 @@ import type {
   LinkConfig,
   LinkReport,
   LogList,
+  PlanAnalysis,
   PlanAnswer,
   PlanRequest,
   ReplayChange,
@@ -118,6 +119,8 @@ export const api = {
       body: JSON.stringify({ legs: [leg], stability: "regular" }),
     }),
 
+  planAtOnce: (request: PlanRequest, signal: AbortSignal) =>
+    json<PlanAnalysis>("POST", "analysis/plan", request, signal),
   plan: (request: PlanRequest) => json<JobReport>("POST", "plans", request),
   job: (id: string) => json<JobReport>("GET", `jobs/${part(id)}`),
   cancelJob: (id: string) => json<unknown>("DELETE", `jobs/${part(id)}`),

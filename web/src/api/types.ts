@@ -17,6 +17,7 @@ interface Lengths {
   normal: Vec3;
   ground_m: Vec3;
   target_m: Vec3;
+  nearest_m: Vec3;
   box_m: Vec3;
   frame_offset_m: Vec3;
   polygon_m: Vec2[];
@@ -83,8 +84,10 @@ export type EventLevel = Wire<"EventLevel">;
 export type EventNotice = Wire<"EventNotice">;
 
 export type PlanRequest = Wire<"PlanRequest">;
+export type PlanAnalysis = Wire<"PlanAnswer">;
 /** A plan that the server keeps, so that it has an identity. */
-export type PlanAnswer = Wire<"PlanAnswer"> & { id: string };
+export type PlanAnswer = PlanAnalysis & { id: string };
+export type PlanStatistics = Wire<"PlanStatistics">;
 export type PlanCommand = Wire<"PlanCommand">;
 export type PlanFinding = Wire<"PlanFinding">;
 

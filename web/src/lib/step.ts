@@ -3,6 +3,7 @@
 import type { CommandRecord, JobReport, PlanAnswer } from "../api/types";
 import { commandClock, isUnderWay } from "./commandClock";
 import { legLabel } from "./format";
+import { inTheWayOf } from "./planWords";
 import { parseOptional } from "./time";
 
 export const STAGES = ["pick", "plan", "check", "arm", "send", "executing", "done"] as const;
@@ -58,7 +59,8 @@ export function stepOf(inputs: StepInputs): Step {
 
 function stepOfPlan(inputs: StepInputs, plan: PlanAnswer): Step {
   if (plan.outcome !== "found") {
-    return step("check", plan.reason ?? "No path was found. Pick another place.", {
+    const why = plan.constraint ? `${inTheWayOf(plan)}. Pick another place.` : plan.reason;
+    return step("check", why ?? "No path was found. Pick another place.", {
       trouble: true,
     });
   }

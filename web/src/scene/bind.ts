@@ -1,10 +1,12 @@
 // Ties the stores to the viewer: what changes there is shown here.
 
 import type { RasterHeader } from "../api/tiles";
-import type { RoverTelemetry, Vec2, Vec3 } from "../api/types";
-import { jointsAt, predictedJoints } from "../lib/step";
+import type { PlanAnalysis, RoverTelemetry, Vec2, Vec3 } from "../api/types";
+import { poseAt } from "../lib/pose";
+import { predictedJoints } from "../lib/step";
 import { useConsole } from "../store/console";
 import { freshnessOf } from "../store/freshness";
+import { useFollow } from "../store/follow";
 import { shownNow } from "../store/now";
 import { usePlan } from "../store/plan";
 import { useReach } from "../store/reach";
@@ -27,6 +29,7 @@ export function bind(viewer: Viewer): Unbind {
     bindTerrain(viewer),
     bindSelection(viewer),
     bindPlan(viewer),
+    bindFollow(viewer),
     bindCamera(viewer),
   ];
   return () => stops.forEach((stop) => stop());
@@ -171,6 +174,7 @@ function bindTerrain(viewer: Viewer): Unbind {
       viewer.setRaster(terrain.raster);
       showPick(viewer);
       showTrace(viewer);
+      showGhost(viewer);
     }
     if (kind === "traversability" && terrain.raster && terrain.classes) {
       const { shape } = terrain.raster;
@@ -220,10 +224,15 @@ function bindSelection(viewer: Viewer): Unbind {
 
 function showPick(viewer: Viewer): void {
   const { leg, pick } = useSelection.getState();
-  const model = useConsole.getState().model;
-  const radius = model?.legs.find((l) => l.name === leg)?.wheel_radius_m ?? 0.2;
-  viewer.marks.setPick(pick, viewer.raster, radius);
+  viewer.marks.setPick(pick, viewer.raster, wheelRadius(leg));
 }
+
+function wheelRadius(leg: string | null | undefined): number {
+  const legs = useConsole.getState().model?.legs;
+  return legs?.find((l) => l.name === leg)?.wheel_radius_m ?? 0.2;
+}
+
+const reportedState = () => shown(useConsole.getState().stream).rover?.message.state ?? null;
 
 function bindPlan(viewer: Viewer): Unbind {
   const update = () => {
@@ -241,23 +250,27 @@ const TRACE_POINTS = 80;
 
 function showTrace(viewer: Viewer): void {
   const { plan } = usePlan.getState();
-  const model = useConsole.getState().model;
-  const length = plan?.waypoints.at(-1)?.time_s ?? 0;
-  let way: Vec3[] = [];
-  if (plan && plan.waypoints.length > 1) {
-    const path = Array.from({ length: TRACE_POINTS + 1 }, (_, i) =>
-      jointsAt(plan.waypoints, (i / TRACE_POINTS) * length),
-    );
-    way = viewer.robot?.trace(plan.leg, path) ?? [];
-  }
-  const radius_m = model?.legs.find((l) => l.name === plan?.leg)?.wheel_radius_m ?? 0.2;
-  const footfall = plan?.footfall && {
-    at: below(plan.footfall.wheel.position_m, plan.footfall.normal, radius_m),
-    normal: plan.footfall.normal,
-    radius_m,
-  };
-  viewer.marks.setTrace(way, footfall ?? null);
+  viewer.marks.setTrace(plan ? wayOf(viewer, plan) : [], plan && footfallOf(plan));
+  viewer.marks.setNearest(plan?.nearest_m ?? null, viewer.raster, wheelRadius(plan?.leg));
   viewer.invalidate();
+}
+
+/** The way of the wheel's center through the air. */
+function wayOf(viewer: Viewer, plan: PlanAnalysis): Vec3[] {
+  if (plan.waypoints.length < 2) return [];
+  const length = plan.waypoints.at(-1)!.time_s;
+  const reported = reportedState();
+  const path = Array.from({ length: TRACE_POINTS + 1 }, (_, i) =>
+    poseAt(plan.leg, plan.waypoints, (i / TRACE_POINTS) * length, reported),
+  );
+  return viewer.robot?.trace(path) ?? [];
+}
+
+function footfallOf({ leg, footfall }: PlanAnalysis) {
+  if (!footfall) return null;
+  const radius_m = wheelRadius(leg);
+  const { normal } = footfall;
+  return { at: below(footfall.wheel.position_m, normal, radius_m), normal, radius_m };
 }
 
 /** The ground below a wheel; a leaning wheel touches it with its rim, a hand's breadth aside. */
@@ -265,11 +278,37 @@ function below(center: Vec3, normal: Vec3, radius_m: number): Vec3 {
   return center.map((v, i) => v - radius_m * normal[i]!) as Vec3;
 }
 
+/** The end of what follows the pointer, else where the preview of the plan stands. */
 function showGhost(viewer: Viewer): void {
   const { plan, at_s } = usePlan.getState();
-  const show = plan !== null && plan.waypoints.length > 0;
-  viewer.robot?.setGhost(show ? plan.leg : null, show ? jointsAt(plan.waypoints, at_s) : []);
+  const follow = useFollow.getState();
+  const [of, at] = follow.shown ? [follow.shown.answer, Infinity] : [plan, at_s];
+  // A plan that the final check refused can be looked at, once it was asked for.
+  const drawn = of !== null && of.waypoints.length > 0 && (of === plan || of.outcome === "found");
+  const pose = drawn ? poseAt(of.leg, of.waypoints, at, reportedState()) : null;
+  viewer.robot?.setSoft(follow.active || (plan?.waypoints.length ?? 0) > 0);
+  viewer.robot?.setGhost(pose, follow.shown !== null && follow.late);
   viewer.invalidate();
+}
+
+function bindFollow(viewer: Viewer): Unbind {
+  const update = () => {
+    const { shown: last, late } = useFollow.getState();
+    const answer = last?.answer;
+    const found = answer?.outcome === "found";
+    const mark = answer && {
+      way: found ? wayOf(viewer, answer) : [],
+      footfall: found ? footfallOf(answer) : null,
+      refused: found ? null : last.target_m,
+      crossed: answer.outcome !== "deadline",
+      nearest: answer.nearest_m ?? null,
+      radius_m: wheelRadius(answer.leg),
+      dim: late,
+    };
+    viewer.marks.setFollow(mark ?? null, viewer.raster);
+    showGhost(viewer);
+  };
+  return useFollow.subscribe(update);
 }
 
 function bindCamera(viewer: Viewer): Unbind {

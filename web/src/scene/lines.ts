@@ -1,6 +1,6 @@
 // Lines of a width in pixels; drawn solid in front and faint behind, so that they are never lost.
 
-import { Group } from "three";
+import { Group, type Material } from "three";
 import { Line2 } from "three/addons/lines/Line2.js";
 import { LineGeometry } from "three/addons/lines/LineGeometry.js";
 import { LineMaterial } from "three/addons/lines/LineMaterial.js";
@@ -16,24 +16,47 @@ export interface LineStyle {
   behind?: number;
 }
 
+/**
+ * Materials by what they look like, kept for good: a program whose last material is freed is compiled
+ * again for the next one, which takes longer than all else that is done for a line.
+ */
+const kept = new Map<string, Material>();
+
+export function keptMaterial<M extends Material>(key: string, make: () => M): M {
+  const known = kept.get(key);
+  if (known) return known as M;
+  const made = make();
+  made.userData.kept = true;
+  kept.set(key, made);
+  return made;
+}
+
+function lineMaterial(style: LineStyle, depthTest: boolean, opacity: number): LineMaterial {
+  const { color, width, dashed = false } = style;
+  return keptMaterial(
+    `line ${color} ${width} ${dashed} ${depthTest} ${opacity}`,
+    () =>
+      new LineMaterial({
+        color,
+        linewidth: width,
+        transparent: true,
+        opacity,
+        depthTest,
+        depthWrite: false,
+        dashed,
+        dashSize: 0.16,
+        gapSize: 0.1,
+      }),
+  );
+}
+
 export function line(points: Vec3[], style: LineStyle): Group {
   const group = new Group();
   if (points.length < 2) return group;
   const geometry = new LineGeometry();
   geometry.setPositions(points.flat());
   const make = (depthTest: boolean, opacity: number) => {
-    const material = new LineMaterial({
-      color: style.color,
-      linewidth: style.width,
-      transparent: true,
-      opacity,
-      depthTest,
-      depthWrite: false,
-      dashed: style.dashed ?? false,
-      dashSize: 0.16,
-      gapSize: 0.1,
-    });
-    const drawn = new Line2(geometry, material);
+    const drawn = new Line2(geometry, lineMaterial(style, depthTest, opacity));
     if (style.dashed) drawn.computeLineDistances();
     drawn.renderOrder = depthTest ? 4 : 3;
     group.add(drawn);
@@ -48,8 +71,10 @@ export function clearGroup(group: Group): void {
   group.traverse((node) => {
     if ("geometry" in node) (node.geometry as { dispose(): void }).dispose();
     if ("material" in node) {
-      const material = node.material as { dispose(): void } | { dispose(): void }[];
-      for (const m of Array.isArray(material) ? material : [material]) m.dispose();
+      const material = node.material as Material | Material[];
+      for (const m of Array.isArray(material) ? material : [material]) {
+        if (!m.userData.kept) m.dispose();
+      }
     }
   });
   group.clear();

@@ -16,6 +16,7 @@ import {
 import type { URDFRobot } from "urdf-loader";
 
 import type { RoverModel, RoverState, Vec3 } from "../api/types";
+import type { PlanPose } from "../lib/pose";
 import { hatchable, type HatchUniform } from "./hatch";
 import { dress, legPoints, type LinkRole, poseLeg, poseRobot, readUrdf, wheelCenter } from "./urdf";
 import type { LegShape } from "./legPick";
@@ -48,7 +49,11 @@ export class RobotView {
   private state: RoverState | null = null;
   private chosen: string | null = null;
   private torques = false;
+  private readonly ghostOfLeg: Material;
+  private readonly ghostOfRest: Material;
   private ghostLeg: string | null = null;
+  private ghostWhole = false;
+  private soft = false;
   private predictedLeg: string | null = null;
 
   constructor(
@@ -64,16 +69,9 @@ export class RobotView {
     this.robot.traverse((node) => {
       node.castShadow = true;
     });
-    const ghost = this.keep(
-      new MeshLambertMaterial({
-        color: ACCENT,
-        emissive: new Color(ACCENT).multiplyScalar(0.25),
-        transparent: true,
-        opacity: 0.5,
-        depthWrite: false,
-      }),
-    );
-    dress(this.ghost, model, () => ghost);
+    this.ghostOfLeg = this.keep(ghostly(0.5));
+    this.ghostOfRest = this.keep(ghostly(0.28));
+    dress(this.ghost, model, () => this.ghostOfLeg);
     const now = this.keep(
       hatchable(new MeshBasicMaterial({ color: "#dfe7ef", transparent: true, opacity: 0.45 }), {
         value: 1,
@@ -99,7 +97,7 @@ export class RobotView {
     for (const [key, material] of this.materials) {
       const mine = leg !== null && key.includes(`|${leg}|`);
       // Torque colours must stay readable on the chosen leg, and the ghost must stand out from it.
-      const strength = this.torques || this.ghostLeg !== null ? 0.16 : 0.42;
+      const strength = this.torques || this.soft ? 0.16 : 0.42;
       material.emissive.set(mine ? ACCENT : "#000000").multiplyScalar(mine ? strength : 0);
     }
   }
@@ -116,13 +114,30 @@ export class RobotView {
     }
   }
 
-  setGhost(leg: string | null, joints_rad: number[]): void {
-    if (leg !== this.ghostLeg) {
-      this.only(this.ghost, leg);
+  /** Lights the chosen leg but faintly, so that its ghost stands out from it. */
+  setSoft(soft: boolean): void {
+    if (soft === this.soft) return;
+    this.soft = soft;
+    this.highlight(this.chosen);
+  }
+
+  /** The planned pose: the leg alone, or the whole rover where its body is shifted; dim where old. */
+  setGhost(pose: PlanPose | null, dim = false): void {
+    const leg = pose?.leg ?? null;
+    const whole = pose?.stance != null;
+    if (leg !== this.ghostLeg || whole !== this.ghostWhole) {
       this.ghostLeg = leg;
-      this.highlight(this.chosen);
+      this.ghostWhole = whole;
+      this.ghost.traverse((node) => {
+        if (!(node instanceof Mesh)) return;
+        const own = node.userData.leg === leg;
+        node.visible = own || whole;
+        node.material = own ? this.ghostOfLeg : this.ghostOfRest;
+      });
     }
-    this.poseOther(this.ghost, leg, joints_rad);
+    this.ghostOfLeg.opacity = dim ? 0.25 : 0.5;
+    this.ghostOfRest.opacity = dim ? 0.12 : 0.28;
+    this.poseOther(this.ghost, leg, pose?.joints_rad ?? [], pose?.stance);
   }
 
   setPredicted(leg: string | null, joints_rad: number[]): void {
@@ -131,12 +146,13 @@ export class RobotView {
     this.poseOther(this.predicted, leg, joints_rad);
   }
 
-  /** Centers of a leg's wheel for a row of joint angles, on the base as reported. */
-  trace(leg: string, path: number[][]): Vec3[] {
+  /** Centers of the stepping leg's wheel for a row of poses; the ghost is to be set anew after it. */
+  trace(path: PlanPose[]): Vec3[] {
     if (!this.state) return [];
     poseRobot(this.ghost, this.model, this.state);
-    return path.flatMap((joints) => {
-      poseLeg(this.ghost, this.model, leg, joints);
+    return path.flatMap(({ leg, joints_rad, stance }) => {
+      if (stance) poseRobot(this.ghost, this.model, stance);
+      else poseLeg(this.ghost, this.model, leg, joints_rad);
       this.ghost.updateMatrixWorld(true);
       const center = wheelCenter(this.ghost, this.model, leg);
       return center ? [center] : [];
@@ -185,10 +201,16 @@ export class RobotView {
     });
   }
 
-  private poseOther(robot: URDFRobot, leg: string | null, joints_rad: number[]): void {
-    robot.visible = leg !== null && this.state !== null;
-    if (leg === null || !this.state) return;
-    poseRobot(robot, this.model, this.state);
+  private poseOther(
+    robot: URDFRobot,
+    leg: string | null,
+    joints_rad: number[],
+    stance: RoverState | null = null,
+  ): void {
+    const state = stance ?? this.state;
+    robot.visible = leg !== null && state !== null;
+    if (leg === null || !state) return;
+    poseRobot(robot, this.model, state);
     poseLeg(robot, this.model, leg, joints_rad);
     robot.updateMatrixWorld(true);
   }
@@ -244,4 +266,14 @@ export class RobotView {
     this.extra.push(material);
     return material;
   }
+}
+
+function ghostly(opacity: number): Material {
+  return new MeshLambertMaterial({
+    color: ACCENT,
+    emissive: new Color(ACCENT).multiplyScalar(0.25),
+    transparent: true,
+    opacity,
+    depthWrite: false,
+  });
 }

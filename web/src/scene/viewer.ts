@@ -213,6 +213,12 @@ export class Viewer {
     return { x: ((p.x + 1) / 2) * clientWidth, y: ((1 - p.y) / 2) * clientHeight };
   }
 
+  /** Size of the canvas and what panels cover of it at the sides (px). */
+  free(): { left: number; right: number; width: number; height: number } {
+    const { clientWidth, clientHeight } = this.canvas;
+    return { ...this.covered, width: clientWidth, height: clientHeight };
+  }
+
   pixelsPerMetre(): number {
     return this.rig.pixelsPerMetre(this.canvas.clientHeight);
   }

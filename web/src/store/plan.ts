@@ -7,6 +7,7 @@ import type { JobReport, PlanAnswer, Vec3 } from "../api/types";
 import { ofPlan } from "./commands";
 import { followJob, useConsole } from "./console";
 import { liveBasis } from "./reach";
+import { planRequest } from "./planOptions";
 import { useSelection } from "./selection";
 
 export interface PlanState {
@@ -38,7 +39,7 @@ export async function makePlan(leg: string, target_m: Vec3): Promise<void> {
   stopPlaying();
   set({ job: null, plan: null, failure: null, at_s: 0 });
   try {
-    const accepted = await api.plan({ leg, target: { position_m: target_m } });
+    const accepted = await api.plan(planRequest(leg, target_m));
     const job = await followJob(accepted, (j) => current() && set({ job: j }));
     if (!current() || job.state === "cancelled") return;
     if (job.state !== "done" || job.result == null) {

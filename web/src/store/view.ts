@@ -25,9 +25,11 @@ export interface ViewState {
   importOpen: boolean;
   /** A pose predicted for now is drawn beside the reported one. */
   predicted: boolean;
+  /** A plan to the place under the pointer is asked for and drawn. */
+  follow: boolean;
 }
 
-const KEPT = ["forces", "polygons", "torqueColors", "theme", "operator"] as const;
+const KEPT = ["forces", "polygons", "torqueColors", "theme", "operator", "follow"] as const;
 const STORAGE_KEY = "footfall.view";
 
 function kept(): Partial<ViewState> {
@@ -54,6 +56,7 @@ export const useView = create<ViewState>(() => ({
   keysOpen: false,
   importOpen: false,
   predicted: false,
+  follow: true,
   ...kept(),
 }));
 

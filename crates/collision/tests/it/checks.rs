@@ -1,6 +1,6 @@
 //! The leg checker and the survey.
 
-use collision::{ContactZone, LegChecker, Obstacle, Scene, SceneError, Touch, survey};
+use collision::{Allowance, ContactZone, LegChecker, Obstacle, Scene, SceneError, Touch, survey};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -121,7 +121,7 @@ fn clearance_above_level_ground_is_the_height_of_the_wheel() {
     configuration.world_from_base.translation.z += 0.2;
     let posture = Posture::new(robot, &configuration);
     let checker = LegChecker::new(&scene, &posture, LegId(3), None, None);
-    let nearest = checker.clearance(&posture, None, 1.0).environment.unwrap();
+    let nearest = checker.clearance(&posture, Allowance::default(), 1.0).environment.unwrap();
     assert!((nearest.distance - 0.2).abs() < 1e-6, "{nearest:?}");
     assert!(checker.violation(&posture, None).is_none());
     let tight = LegChecker::new(&scene, &posture, LegId(3), Some(0.21), None);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use collision::{LegChecker, Scene, survey, touchdowns, wheel_ground};
+use collision::{Allowance, LegChecker, Scene, survey, touchdowns, wheel_ground};
 use nalgebra::{Isometry3, Point2, Point3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -52,7 +52,10 @@ fn the_hull_of_a_cube_mesh_is_as_far_from_everything_as_the_box() {
         let posture = start.with_leg(&robot, LegId(0), &q);
         let nearest = |scene: &Scene| {
             let checker = LegChecker::new(scene, &start, LegId(0), None, None);
-            checker.clearance(&posture, None, 0.5).links.map(|v| v.distance)
+            checker
+                .clearance(&posture, Allowance { zone: None, raised: false }, 0.5)
+                .links
+                .map(|v| v.distance)
         };
         match (nearest(&as_box), nearest(&as_mesh)) {
             (Some(a), Some(b)) => assert!((a - b).abs() < 1e-6, "{a} {b}"),

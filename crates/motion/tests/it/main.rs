@@ -8,8 +8,11 @@ use nalgebra::Vector3;
 use rover::{Configuration, LegId, Payload, Posture, Robot};
 use terrain::ElevationMap;
 
+mod planners;
 mod sbl_scenes;
+mod shift;
 mod steps;
+mod synthetic;
 
 fn athlete() -> Robot {
     let folder = "robots/athlete/";

@@ -4,8 +4,8 @@ use nalgebra::{Isometry3, Matrix4, Point3, UnitQuaternion, Vector3, Vector4};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rover::{
-    Configuration, FootTarget, JointKind, LegAngles, LegId, LegSolver, NumericalIk, Posture, Proof,
-    Robot, Wrench, hold_torques,
+    Configuration, FootTarget, JointKind, LegAngles, LegChain, LegId, LegSolver, NumericalIk,
+    Posture, Proof, Robot, Wrench, hold_torques,
 };
 
 use crate::{athlete, load};
@@ -277,5 +277,42 @@ fn ball_feet_stand_one_radius_above_the_ground_in_every_pose() {
         assert!((foot.center() - expected).norm() < 1e-12);
         let lowest = foot.lowest_point(&Vector3::z_axis());
         assert!((lowest - (expected - Vector3::z() * 0.02)).norm() < 1e-12);
+    }
+}
+
+#[test]
+fn the_fast_chain_is_the_same_kinematics_and_bounds_every_motion() {
+    let mut rng = ChaCha8Rng::seed_from_u64(6);
+    for name in OTHERS {
+        let robot = load(name);
+        for _ in 0..100 {
+            let posture = Posture::new(&robot, &random_configuration(&robot, &mut rng));
+            let leg = LegId(rng.random_range(0..robot.legs().len()));
+            let model = robot.leg(leg);
+            let chain = LegChain::new(&robot, &posture, leg);
+            let q = random_angles(&robot, leg, &mut rng);
+            let (frames, moved) = (chain.frames(&q), posture.with_leg(&robot, leg, &q));
+            for place in 0..6 {
+                let link = model.links[place.min(model.n_joints() - 1)];
+                let got = frames.links[place].to_isometry().to_homogeneous();
+                assert!((got - moved.link(link).to_homogeneous()).amax() < 1e-12, "{name}");
+            }
+            let com = moved.center_of_mass(&robot);
+            assert!((chain.center_of_mass(&frames) - com).norm() < 1e-12, "{name}");
+            // The foot and the center of mass stay within their bounds.
+            let change = LegAngles::from_fn(|i, _| {
+                if i < model.n_joints() { rng.random_range(0.0..0.3) } else { 0.0 }
+            });
+            let foot = moved.wheel(&robot, leg).center();
+            let bound = frames.motion_bound(5, 0, [&foot, &foot], 0.0, &change);
+            for _ in 0..20 {
+                let step = change.map(|c| if c > 0.0 { rng.random_range(-c..c) } else { 0.0 });
+                let there = posture.with_leg(&robot, leg, &(q + step));
+                let way = (there.wheel(&robot, leg).center() - foot).norm();
+                assert!(way <= bound + 1e-12, "{name}: {way} {bound}");
+                let shift = (there.center_of_mass(&robot) - com).norm();
+                assert!(shift <= chain.com_motion(&change) + 1e-12, "{name}");
+            }
+        }
     }
 }

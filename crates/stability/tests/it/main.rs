@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use rover::{Configuration, LegId, Payload, Posture, Robot};
 
 mod degenerate;
+mod guard;
 mod oracle;
 mod paper;
 mod properties;

@@ -6,6 +6,7 @@ export const KEYS: [string[], string][] = [
   [["←", "→", "↑", "↓"], "Move the pick by 5 cm (Shift: 25 cm)"],
   [["Enter"], "Plan a step to the pick"],
   [["Esc"], "Drop the pick, then the leg"],
+  [["h"], "Plan follows the pointer, or not"],
   [["p"], "Play or hold the preview"],
   [["o"], "Next overlay"],
   [["v"], "Next view: side, top, leg"],

@@ -82,6 +82,7 @@ const ACTIONS: Record<string, () => void> = {
     if (useSelection.getState().pick) pickAt(null);
     else chooseLeg(null);
   },
+  h: () => useView.setState((s) => ({ follow: !s.follow })),
   p: togglePlaying,
   o: () => {
     const order: Overlay[] = ["none", "traversability", "reachability"];

@@ -3,16 +3,28 @@
 import { RotateCcw, Trash2 } from "lucide-react";
 
 import type { PlanAnswer } from "../../api/types";
-import { capital, legLabel, readable, words } from "../../lib/format";
+import { capital, legLabel, metres, readable, words } from "../../lib/format";
+import {
+  inTheWay,
+  milliseconds,
+  missingFigure,
+  plannerName,
+  tookMs,
+  whySentence,
+} from "../../lib/planWords";
 import { useConsole, useLive } from "../../store/console";
 import { useBlocked } from "../../store/permission";
+import { keepsFollowing } from "../../store/follow";
 import { cancelPlanning, dropPlan, makePlan, usePlan } from "../../store/plan";
 import { liveBasis } from "../../store/reach";
-import { useSelection } from "../../store/selection";
+import { pickAt, useSelection } from "../../store/selection";
+import { useView } from "../../store/view";
 import { StatusMark } from "../../ui/StatusMark";
 import { PlanCommands } from "../commands/PlanCommands";
 import { Findings } from "./Findings";
+import { PlanOptions } from "./PlanOptions";
 import { Preview } from "./Preview";
+import { WayBack } from "./WayBack";
 import "./plan.css";
 
 export function PlanPanel() {
@@ -20,6 +32,7 @@ export function PlanPanel() {
   return (
     <>
       <PlanRequestRow />
+      <PlanSettings />
       {job && (
         <section className="section stack" role="status">
           <div className="row between">
@@ -94,6 +107,33 @@ function PlanRequestRow() {
   );
 }
 
+/** How plans come about: with the pointer or when asked, and by which options. */
+function PlanSettings() {
+  const follow = useView((s) => s.follow);
+  const plan = usePlan((s) => s.plan);
+  const paused = useLive((c) => !keepsFollowing(plan, c.commands));
+  return (
+    <section className="section plan-settings" aria-label="Plan settings">
+      <label className="check" title="Show the step to the place under the pointer (h)">
+        <input
+          type="checkbox"
+          data-testid="follow-toggle"
+          checked={follow}
+          onChange={(event) => useView.setState({ follow: event.target.checked })}
+        />
+        Follow the pointer
+        {follow && paused && (
+          <span className="quiet small" title="Goes on when the plan is dropped or done">
+            after this plan
+          </span>
+        )}
+        <kbd>h</kbd>
+      </label>
+      <PlanOptions />
+    </section>
+  );
+}
+
 function PlanView({ plan }: { plan: PlanAnswer }) {
   const found = plan.outcome === "found";
   return (
@@ -102,31 +142,103 @@ function PlanView({ plan }: { plan: PlanAnswer }) {
         <div className="row">
           <StatusMark status={found ? "normal" : "serious"} label={found ? "good" : "no plan"} />
           <strong data-testid="plan-outcome">{capital(words(plan.outcome))}</strong>
-          <span className="quiet small num plan-cost">
-            {(
-              plan.statistics.search_ms +
-              plan.statistics.smoothing_ms +
-              plan.statistics.check_ms
-            ).toFixed(1)}{" "}
-            ms · {plan.statistics.configurations_checked} checks
-          </span>
+          <span className="quiet small num plan-cost">{milliseconds(tookMs(plan.statistics))}</span>
         </div>
         <Outdated plan={plan} />
-        {plan.reason && <p className={found ? "quiet" : ""}>{readable(plan.reason)}</p>}
+        {found ? (
+          plan.reason && <p className="quiet">{capital(readable(plan.reason))}</p>
+        ) : (
+          <Missing plan={plan} />
+        )}
       </section>
       {plan.waypoints.length > 1 && <Preview plan={plan} />}
       {plan.commands.length > 0 && <PlanCommands plan={plan} />}
+      {found && <WayBack plan={plan} />}
       <Findings findings={plan.findings} />
-      <section className="section quiet small plan-basis">
-        <span>
-          way <span className="num">{plan.statistics.length_rad.toFixed(2)} rad</span>, straight{" "}
-          <span className="num">{plan.statistics.straight_rad.toFixed(2)} rad</span>
-        </span>
-        <span>
-          seed <span className="num">{plan.basis.seed}</span>
-        </span>
-      </section>
+      <Work plan={plan} />
     </>
+  );
+}
+
+/** What is in the way of a step, how much is missing, and where it would do. */
+function Missing({ plan }: { plan: PlanAnswer }) {
+  const leg = useSelection((s) => s.leg);
+  const figure = missingFigure(plan);
+  const near = plan.nearest_m;
+  const target = plan.target_m;
+  const why = whySentence(plan);
+  return (
+    <>
+      {plan.constraint && (
+        <p className="row between plan-missing" data-testid="plan-constraint">
+          <span>
+            {capital(inTheWay({ ...plan, constraint: { ...plan.constraint, missing: null } }))}
+          </span>
+          {figure && (
+            <span className="num" title="What is missing">
+              {figure}
+            </span>
+          )}
+        </p>
+      )}
+      {why && <p className={plan.constraint ? "quiet" : ""}>{why}</p>}
+      {near && (
+        <div className="row between">
+          <span className="quiet small">
+            {target && `${metres(Math.hypot(near[0] - target[0], near[1] - target[1]))} away`}
+          </span>
+          <button
+            type="button"
+            className="button"
+            data-testid="use-nearest"
+            disabled={leg !== plan.leg}
+            onClick={() => pickAt(near)}
+          >
+            Use nearest place
+          </button>
+        </div>
+      )}
+    </>
+  );
+}
+
+const count = (n: number) => n.toLocaleString("en").replaceAll(",", "\u202f");
+
+/** How the plan was come by. */
+function Work({ plan }: { plan: PlanAnswer }) {
+  const { statistics, basis } = plan;
+  const planner = plannerName(statistics);
+  return (
+    <dl className="section quiet small plan-work" data-testid="plan-work">
+      {planner && (
+        <div>
+          <dt>Planner</dt>
+          <dd>
+            {planner}
+            {plan.outcome === "found" &&
+              (statistics.certified ? ", certified" : ", checked at a resolution")}
+          </dd>
+        </div>
+      )}
+      {statistics.length_rad > 0 && (
+        <div>
+          <dt>Way</dt>
+          <dd className="num">
+            {statistics.length_rad.toFixed(2)} rad, straight {statistics.straight_rad.toFixed(2)}
+          </dd>
+        </div>
+      )}
+      <div>
+        <dt>Checked</dt>
+        <dd className="num">
+          {count(statistics.configurations_checked)} poses, {count(statistics.edges)} edges
+        </dd>
+      </div>
+      <div>
+        <dt>Seed</dt>
+        <dd className="num">{basis.seed}</dd>
+      </div>
+    </dl>
   );
 }
 

@@ -8,12 +8,14 @@ import { formatSpan } from "../../lib/time";
 import { bind } from "../../scene/bind";
 import { bestQuality, Viewer } from "../../scene/viewer";
 import { useConsole } from "../../store/console";
+import { startFollowing } from "../../store/follow";
 import { useFreshness } from "../../store/freshness";
 import { usePlan } from "../../store/plan";
 import { chooseLeg, hoverAt, pickAt, useSelection } from "../../store/selection";
 import { useTerrain } from "../../store/terrain";
 import { aim, nextView, useView } from "../../store/view";
 import { installHook } from "./debugHook";
+import { FollowNote, placeNote } from "./FollowNote";
 import "./scene.css";
 
 /** Widths that panels cover at the sides (px): the rover is shown in the free middle. */
@@ -25,6 +27,7 @@ interface Props {
 export function SceneView({ left, right }: Props) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const cues = useRef<SVGSVGElement>(null);
+  const note = useRef<HTMLDivElement>(null);
   const viewer = useRef<Viewer | null>(null);
   const [missing, setMissing] = useState(false);
 
@@ -37,11 +40,16 @@ export function SceneView({ left, right }: Props) {
     }
     const made = new Viewer(element, quality);
     viewer.current = made;
-    made.onFrame = () => drawCues(cues.current, made);
+    made.onFrame = () => {
+      drawCues(cues.current, made);
+      placeNote(note.current, made);
+    };
     const unbind = bind(made);
     const unhook = installHook(made);
     const unpoint = followPointer(element, made);
+    const unfollow = startFollowing();
     return () => {
+      unfollow();
       unpoint();
       unhook();
       unbind();
@@ -72,6 +80,7 @@ export function SceneView({ left, right }: Props) {
       />
       {missing ? <NoWebGl /> : <SceneNotes left={left} right={right} cues={cues} />}
       <MapNote left={left} />
+      <FollowNote note={note} viewer={viewer} />
     </div>
   );
 }

@@ -94,12 +94,15 @@ function WayToAct({ stage }: { stage: Stage }) {
   );
 }
 
+/** Words of the server's titles that are another word here. */
+const VERBS: Record<string, string> = { put: "drop", press: "preload" };
+
 /** `Lift leg 2` → `Send lift to leg 2`. */
-export function sendVerb(command: CommandRecord): string {
-  if (command.body.type === "stop") return "Send stop";
-  const leg = legLabel(command.body.leg);
-  const word = command.title.split(" ")[0]?.toLowerCase() ?? "command";
-  return `Send ${word === "put" ? "drop" : word} to ${leg}`;
+export function sendVerb({ body, title }: Pick<CommandRecord, "body" | "title">): string {
+  if (body.type === "stop") return "Send stop";
+  const word = title.split(" ")[0]?.toLowerCase() ?? "command";
+  if (word === "shift" || !("leg" in body)) return "Send body shift";
+  return `Send ${VERBS[word] ?? word} to ${legLabel(body.leg)}`;
 }
 
 function SendArmed({ command, now }: { command: CommandRecord; now: number }) {

@@ -1,0 +1,199 @@
+//! The solid ground: how far a shape is from it.
+
+use nalgebra::{Point2, Point3};
+use parry3d_f64::shape::Triangle;
+
+use crate::form::{Placed, QuickLook, apart_from_block, look_at_triangle, nearest_on_triangle};
+use crate::gjk::{Separation, separation};
+use crate::scene::Scene;
+use crate::solid::{Near, Part, near, pose_of, to_parry_point};
+use parry3d_f64::math::Pose;
+
+/// What a shape is to the ground.
+pub(crate) enum GroundNear {
+    /// At least as far as asked.
+    Clear,
+    /// Over ground that nobody has seen, or beside the map, at this place.
+    Unknown(Point3<f64>),
+    /// Nearer than asked.
+    Near(Near),
+}
+
+/// Is the part surely `need` (m) or more above all ground, known without holes? `false` is no
+/// answer; a `thorough` look goes down to the triangles.
+pub(crate) fn clear_of_ground(
+    scene: &Scene,
+    part: &Part,
+    placed: &Placed,
+    need: f64,
+    thorough: bool,
+) -> bool {
+    let aabb = placed.aabb(&part.form);
+    let (min, max) = grown(&aabb, need);
+    if beside_map(scene, min, max) || over_a_hole(scene, min, max) {
+        return false;
+    }
+    let map = scene.map();
+    if map.max_over(min, max) <= aabb.0.z - need {
+        return true;
+    }
+    if !thorough {
+        return false;
+    }
+    let center = placed.center();
+    if map.height_at(center.xy()).is_none_or(|ground| ground >= center.z) {
+        return false;
+    }
+    let mut clear = true;
+    map.pyramid().descend(
+        min,
+        max,
+        |block| !apart_from_block(placed, &part.form, &aabb, block, need),
+        |ix, iy| {
+            clear = triangles(scene, ix, iy).into_iter().flatten().all(|corners| {
+                look_at_triangle(placed, &part.form, &corners, need) == QuickLook::Apart
+            });
+            clear
+        },
+    );
+    clear
+}
+
+/// Who says how far two shapes are apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kernel {
+    /// Our own distances, as well as the question needs them and never too great: for searches.
+    Quick,
+    /// parry's exact ones: for verdicts, so that these do not rest on what the search rests on.
+    Exact,
+}
+
+/// The distance of a part from the solid ground, if less than `reach` (m). Ground must be known within
+/// `required` (m) beside the part.
+pub(crate) fn near_ground(
+    scene: &Scene,
+    part: &Part,
+    placed: &Placed,
+    required: f64,
+    reach: f64,
+    kernel: Kernel,
+) -> GroundNear {
+    let map = scene.map();
+    let aabb = placed.aabb(&part.form);
+    let center = placed.center();
+    let (min, max) = (aabb.0.xy(), aabb.1.xy());
+    let (wide_min, wide_max) = grown(&aabb, required);
+    if beside_map(scene, min, max) || over_a_hole(scene, wide_min, wide_max) {
+        return GroundNear::Unknown(center);
+    }
+    if let Some(ground) = map.height_at(center.xy()) {
+        let below = Point3::new(center.x, center.y, ground);
+        if ground >= center.z || placed.holds(&part.form, &below) {
+            return GroundNear::Near(Near { distance: 0.0, place: below });
+        }
+    }
+    let (min, max) = grown(&aabb, reach);
+    let mut nearest: Option<Near> = None;
+    let limit = std::cell::Cell::new(reach);
+    // A search is content with the first thing that is too near.
+    let enough = if kernel == Kernel::Quick { required } else { 0.0 };
+    map.pyramid().descend(
+        min,
+        max,
+        |block| !apart_from_block(placed, &part.form, &aabb, block, limit.get()),
+        |ix, iy| {
+            for corners in triangles(scene, ix, iy).into_iter().flatten() {
+                let hit = match look_at_triangle(placed, &part.form, &corners, limit.get()) {
+                    QuickLook::Apart => continue,
+                    QuickLook::Touching(place) => Some(Near { distance: 0.0, place }),
+                    QuickLook::Unclear => {
+                        distance_of_triangle(part, placed, &corners, limit.get(), kernel)
+                    }
+                };
+                if let Some(hit) = hit {
+                    limit.set(hit.distance);
+                    nearest = Some(hit);
+                    if limit.get() <= enough {
+                        return false;
+                    }
+                }
+            }
+            true
+        },
+    );
+    nearest.map_or(GroundNear::Clear, GroundNear::Near)
+}
+
+/// The highest ground over a rectangle (m), if all of it is known.
+pub(crate) fn highest_known(scene: &Scene, min: Point2<f64>, max: Point2<f64>) -> Option<f64> {
+    let known = !beside_map(scene, min, max) && !over_a_hole(scene, min, max);
+    known.then(|| scene.map().max_over(min, max))
+}
+
+fn distance_of_triangle(
+    part: &Part,
+    placed: &Placed,
+    corners: &[Point3<f64>; 3],
+    limit: f64,
+    kernel: Kernel,
+) -> Option<Near> {
+    match kernel {
+        Kernel::Exact => {
+            let [a, b, c] = corners.map(|p| to_parry_point(&p));
+            let (pose, triangle) = (pose_of(&placed.frame), Triangle::new(a, b, c));
+            near(&pose, &*part.shape.0, &Pose::IDENTITY, &triangle, limit)
+        }
+        Kernel::Quick => match separation(&(placed, &part.form), corners, limit) {
+            Separation::Apart => None,
+            Separation::Near { least, .. } => {
+                let place = nearest_on_triangle(&placed.center(), corners).0;
+                Some(Near { distance: least, place })
+            }
+        },
+    }
+}
+
+fn grown((lo, hi): &(Point3<f64>, Point3<f64>), by: f64) -> (Point2<f64>, Point2<f64>) {
+    (Point2::new(lo.x - by, lo.y - by), Point2::new(hi.x + by, hi.y + by))
+}
+
+fn beside_map(scene: &Scene, min: Point2<f64>, max: Point2<f64>) -> bool {
+    let grid = scene.map().grid();
+    let far = grid.far_corner();
+    let inside =
+        min.x >= grid.origin.x && min.y >= grid.origin.y && max.x <= far.x && max.y <= far.y;
+    !inside // also where a coordinate is no number
+}
+
+/// Does the rectangle touch a square of the map with an unknown corner?
+fn over_a_hole(scene: &Scene, min: Point2<f64>, max: Point2<f64>) -> bool {
+    let Some(holes) = scene.map().holes() else { return false };
+    let mut found = false;
+    holes.descend(
+        min,
+        max,
+        |block| block.top > 0.0,
+        |_, _| {
+            found = true;
+            false
+        },
+    );
+    found
+}
+
+/// The two triangles of a square, where their corners are known.
+fn triangles(scene: &Scene, ix: usize, iy: usize) -> [Option<[Point3<f64>; 3]>; 2] {
+    let (grid, heights) = (scene.map().grid(), scene.map().heights());
+    if ix + 1 >= grid.nx || iy + 1 >= grid.ny {
+        return [None, None];
+    }
+    let node = |ix: usize, iy: usize| {
+        let p = grid.position(ix, iy);
+        Point3::new(p.x, p.y, f64::from(*heights.at(ix, iy)))
+    };
+    let (b, c) = (node(ix + 1, iy), node(ix, iy + 1));
+    [node(ix, iy), node(ix + 1, iy + 1)].map(|a| {
+        let known = a.z.is_finite() && b.z.is_finite() && c.z.is_finite();
+        known.then_some([a, b, c])
+    })
+}
