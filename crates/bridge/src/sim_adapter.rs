@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use rover::LegAngles;
+use rover::{LegAngles, Robot};
 use sim::{Basis, BodyKnot, Command, Frame, JointKnot, Mode, Motion, SimRover, Stage};
 use wire::convert;
 use wire::live::{
@@ -98,7 +98,7 @@ impl SimAdapter {
             }),
             wheel_forces_n: convert::by_leg(robot, |leg| frame.wheel_forces[leg.0].into()),
             joint_torques_nm: convert::by_leg(robot, |leg| {
-                frame.joint_torques[leg.0].iter().copied().collect()
+                convert::by_joint(robot.leg(leg), &frame.joint_torques[leg.0])
             }),
             mode,
             executing: frame
@@ -122,8 +122,10 @@ impl RoverAdapter for SimAdapter {
             Uplink::Estop { id } => self.rover.estop(&id),
             Uplink::EstopRelease { id } => self.rover.release(&id),
             Uplink::Command { id, body, basis_joints_rad, basis_tolerance_rad } => {
-                let legs = angles_by_leg(&basis_joints_rad).map_err(|why| format!("basis: {why}"));
-                match motion(&body).and_then(|motion| Ok((motion, legs?))) {
+                let robot = self.rover.scene().robot().clone();
+                let legs =
+                    angles_by_leg(&robot, &basis_joints_rad).map_err(|why| format!("basis: {why}"));
+                match motion(&robot, &body).and_then(|motion| Ok((motion, legs?))) {
                     Ok((motion, legs)) => {
                         let basis = Basis { legs, tolerance: basis_tolerance_rad };
                         let basis = (!basis.legs.is_empty()).then_some(basis);
@@ -142,28 +144,35 @@ impl RoverAdapter for SimAdapter {
     }
 }
 
-/// Joint angles (rad) of a leg, or why they are none.
-fn angles(leg: &str, joints_rad: &[f64]) -> Result<LegAngles, String> {
-    let six = <[f64; 6]>::try_from(joints_rad);
-    six.map(LegAngles::from).map_err(|_| {
-        let (leg, n): (String, usize) = (leg.chars().take(80).collect(), joints_rad.len());
-        format!("{leg} has {n} joint angles; a leg has 6")
-    })
+/// Joint angles of a leg (rad; m where a joint slides), or why they are none. A leg that is unknown
+/// is for the rover to refuse.
+fn angles(robot: &Robot, leg: &str, joints: &[f64]) -> Result<LegAngles, String> {
+    let wanted = robot.leg_id(leg).map_or(joints.len(), |leg| robot.leg(leg).n_joints());
+    let angles = LegAngles::from_fn(|i, _| joints.get(i).copied().unwrap_or(0.0));
+    if joints.len() == wanted && wanted <= angles.len() {
+        return Ok(angles);
+    }
+    let (leg, n): (String, usize) = (leg.chars().take(80).collect(), joints.len());
+    Err(format!("{leg} has {n} joint angles; as many as it has joints are wanted: {wanted}"))
 }
 
 fn angles_by_leg(
+    robot: &Robot,
     joints_rad: &BTreeMap<String, Vec<f64>>,
 ) -> Result<Vec<(String, LegAngles)>, String> {
-    joints_rad.iter().map(|(leg, joints)| Ok((leg.clone(), angles(leg, joints)?))).collect()
+    let of_leg =
+        |(leg, joints): (&String, &Vec<f64>)| Ok((leg.clone(), angles(robot, leg, joints)?));
+    joints_rad.iter().map(of_leg).collect()
 }
 
-/// The motion that a command's body asks for, or which knot has not six angles a leg.
-fn motion(body: &CommandBody) -> Result<Motion, String> {
+/// The motion that a command's body asks for, or which knot has another number of angles than the
+/// leg has joints.
+fn motion(robot: &Robot, body: &CommandBody) -> Result<Motion, String> {
     let at = |knot: usize| move |why: String| format!("knot {knot}: {why}");
     Ok(match body {
         CommandBody::JointPath { leg, knots } => {
             let knot = |(i, knot): (usize, &live::JointKnot)| {
-                let angles = angles(leg, &knot.joints_rad).map_err(at(i))?;
+                let angles = angles(robot, leg, &knot.joints_rad).map_err(at(i))?;
                 Ok::<_, String>(JointKnot { angles, time_s: knot.time_s })
             };
             let knots = knots.iter().enumerate().map(knot).collect::<Result<_, _>>()?;
@@ -171,7 +180,7 @@ fn motion(body: &CommandBody) -> Result<Motion, String> {
         }
         CommandBody::BodyPath { knots } => {
             let knot = |(i, knot): (usize, &live::BodyKnot)| {
-                let legs = angles_by_leg(&knot.joints_rad).map_err(at(i))?;
+                let legs = angles_by_leg(robot, &knot.joints_rad).map_err(at(i))?;
                 Ok::<_, String>(BodyKnot { legs, time_s: knot.time_s })
             };
             let knots = knots.iter().enumerate().map(knot).collect::<Result<_, _>>()?;

@@ -229,7 +229,7 @@ impl<'a> LegChecker<'a> {
                     part,
                     place,
                     place_from_part: Frame::from(&(place_from_link * part.link_from_part)),
-                    is_foot: matches!(part.body, Body::Leg { place: 5, .. }),
+                    is_foot: part.body.is_outermost(robot),
                     required: Vec::new(),
                 }),
                 None => rest.push(part),
@@ -506,8 +506,13 @@ impl<'a> LegChecker<'a> {
     fn frames_of(&self, posture: &Posture) -> LegFrames {
         let model = self.scene.robot().leg(self.leg);
         LegFrames {
-            links: model.links.map(|link| Frame::from(posture.link(link))),
+            // Beyond the last joint stands the last link: the padding of a short leg.
+            links: std::array::from_fn(|place| {
+                let place = place.min(model.n_joints() - 1);
+                Frame::from(posture.link(model.links[place]))
+            }),
             axes: [nalgebra::Vector3::zeros(); 6],
+            slides: [false; 6],
         }
     }
 

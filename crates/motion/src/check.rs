@@ -147,11 +147,9 @@ impl Seen {
 
     fn limits_of(&mut self, context: &CheckContext, leg: LegId, angles: &LegAngles, time: f64) {
         let model = context.scene.robot().leg(leg);
-        for i in 0..6 {
-            if model.lower[i] < model.upper[i] {
-                let spare = (angles[i] - model.lower[i]).min(model.upper[i] - angles[i]);
-                self.limits.take(spare, time, (leg, i));
-            }
+        for i in 0..model.n_joints() {
+            let spare = (angles[i] - model.lower[i]).min(model.upper[i] - angles[i]);
+            self.limits.take(spare, time, (leg, i));
         }
     }
 

@@ -105,7 +105,7 @@ fn of_plan(
 }
 
 fn joints_of(robot: &Robot, configuration: &Configuration) -> BTreeMap<String, Vec<f64>> {
-    convert::by_leg(robot, |leg| configuration.legs[leg.0].iter().copied().collect())
+    convert::by_leg(robot, |leg| convert::by_joint(robot.leg(leg), &configuration.legs[leg.0]))
 }
 
 /// A command by hand: limits and reach are checked, collisions are left to the rover's own guard.
@@ -234,8 +234,8 @@ fn leg_within_limits(
     joints_rad: &[f64],
 ) -> Result<LegAngles, RequestError> {
     let model = robot.leg(leg);
-    let angles = convert::leg_angles(at, joints_rad)?;
-    for (j, q) in angles.iter().enumerate() {
+    let angles = convert::leg_angles(at, model, joints_rad)?;
+    for (j, q) in angles.iter().enumerate().take(model.n_joints()) {
         let bounds = [model.lower[j] - 1e-9, model.upper[j] + 1e-9];
         check::within(&at.index(j), *q, bounds, " rad, the joint's limits")?;
     }

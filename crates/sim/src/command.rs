@@ -164,7 +164,9 @@ pub(crate) fn leg_named(robot: &Robot, name: &str) -> Result<LegId, Refusal> {
 
 /// The name of a leg's joint by its place.
 pub(crate) fn joint_name(robot: &Robot, leg: LegId, place: usize) -> String {
-    robot.joints()[robot.leg(leg).joints[place]].name.clone()
+    // Beyond the last joint a leg's angles are padded with zeros: no joint's fault.
+    let joint = robot.leg(leg).joints.get(place);
+    joint.map_or_else(|| format!("joint {}", place + 1), |j| robot.joints()[*j].name.clone())
 }
 
 /// Refuses knots that these legs cannot take, or that do not begin where they are. Angles of knots

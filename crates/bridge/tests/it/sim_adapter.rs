@@ -21,7 +21,7 @@ fn athlete() -> Robot {
     Robot::from_folder(
         &testkit::fixture_text(&format!("{folder}robot.toml")),
         |file| Some(testkit::fixture_text(&format!("{folder}{file}"))),
-        |_| false,
+        |_| None,
     )
     .unwrap()
 }
@@ -236,5 +236,8 @@ fn a_knot_that_lacks_a_joint_is_refused() {
         Downlink::Ack { stage: AckStage::Rejected, detail, .. } => detail.clone(),
         _ => None,
     });
-    assert_eq!(refused.unwrap(), "knot 2: leg3 has 5 joint angles; a leg has 6");
+    assert_eq!(
+        refused.unwrap(),
+        "knot 2: leg3 has 5 joint angles; as many as it has joints are wanted: 6"
+    );
 }

@@ -140,7 +140,7 @@ fn cloud(shape: &Shape, rng: &mut ChaCha8Rng) -> Point3<f64> {
                 break Point3::new(x * radius, y * radius, u() * half_length);
             }
         },
-        Shape::Capsule { .. } | Shape::Sphere { .. } => Point3::origin(),
+        Shape::Capsule { .. } | Shape::Sphere { .. } | Shape::Mesh(_) => Point3::origin(),
     }
 }
 

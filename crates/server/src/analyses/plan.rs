@@ -59,7 +59,7 @@ fn step_request(scene: &Scene, request: &PlanRequest) -> Result<StepRequest, Req
             Target::Ground(Point3::from(check::position(&at.field("position_m"), p)?))
         }
         (None, Some(joints)) => {
-            Target::Angles(convert::leg_angles(&at.field("joints_rad"), joints)?)
+            Target::Angles(convert::leg_angles(&at.field("joints_rad"), robot.leg(leg), joints)?)
         }
         _ => {
             let text = "takes exactly one of position_m and joints_rad";
@@ -140,7 +140,7 @@ fn answer(
     scene: &Scene,
     request: &PlanRequest,
     found: &StepAnswer,
-    [footfall_ms, search_ms, smoothing_ms, check_ms]: [f64; 4],
+    [shift_ms, footfall_ms, search_ms, smoothing_ms, check_ms]: [f64; 5],
 ) -> PlanAnswer {
     let robot = scene.robot();
     let leg = robot.leg_id(&request.leg).unwrap_or(LegId(0));
@@ -164,11 +164,11 @@ fn answer(
         reason: (!found.reason.is_empty()).then(|| found.reason.clone()),
         leg: request.leg.clone(),
         target_m,
-        waypoints: found.waypoints.iter().map(|w| waypoint(robot, w)).collect(),
+        waypoints: found.waypoints.iter().map(|w| waypoint(robot, leg, w)).collect(),
         commands,
         findings: found.findings.iter().map(finding).collect(),
         statistics: PlanStatistics {
-            search_ms: footfall_ms + search_ms,
+            search_ms: shift_ms + footfall_ms + search_ms,
             smoothing_ms,
             check_ms,
             configurations_checked: statistics.n_checked,
@@ -230,9 +230,9 @@ fn phase(phase: Phase) -> PlanPhase {
     }
 }
 
-fn waypoint(robot: &Robot, waypoint: &Waypoint) -> PlanWaypoint {
+fn waypoint(robot: &Robot, leg: LegId, waypoint: &Waypoint) -> PlanWaypoint {
     PlanWaypoint {
-        joints_rad: waypoint.angles.iter().copied().collect(),
+        joints_rad: convert::by_joint(robot.leg(leg), &waypoint.angles),
         phase: phase(waypoint.phase),
         time_s: waypoint.time,
         stance: waypoint.stance.as_ref().map(|stance| convert::rover_state(robot, stance)),
@@ -276,7 +276,7 @@ fn commands(
                 Phase::Shift => body_path(robot, start, knots)?,
                 _ => {
                     let knot = |w: &Waypoint| JointKnot {
-                        joints_rad: w.angles.iter().copied().collect(),
+                        joints_rad: convert::by_joint(robot.leg(leg), &w.angles),
                         time_s: w.time - start_s,
                     };
                     let knots = knots.iter().map(knot).collect();
@@ -367,16 +367,16 @@ struct StageClock<'a> {
     progress: OnProgress<'a>,
     stage: Stage,
     since: Instant,
-    spent_ms: [f64; 4],
+    spent_ms: [f64; 5],
 }
 
 impl<'a> StageClock<'a> {
     fn new(stop: &'a Stop, progress: OnProgress<'a>) -> StageClock<'a> {
         let stage = Stage::Footfall;
-        StageClock { stop, progress, stage, since: Instant::now(), spent_ms: [0.0; 4] }
+        StageClock { stop, progress, stage, since: Instant::now(), spent_ms: [0.0; 5] }
     }
 
-    fn times_ms(mut self) -> [f64; 4] {
+    fn times_ms(mut self) -> [f64; 5] {
         self.close();
         self.spent_ms
     }
@@ -399,6 +399,7 @@ impl Watch for StageClock<'_> {
         self.close();
         self.stage = stage;
         let (share, doing) = match stage {
+            Stage::Shift => (0.02, "looks for a shift of the body"),
             Stage::Footfall => (0.05, "looks for ways to put the wheel down"),
             Stage::Search => (0.1, "searches a path"),
             Stage::Smoothing => (0.6, "shortens the path"),
@@ -509,9 +510,9 @@ mod tests {
     fn a_waypoint_carries_the_whole_rover_where_it_shifts() {
         let robot = robot();
         let (_, waypoints) = step(&robot);
-        let shown = waypoint(&robot, &waypoints[2]);
+        let shown = waypoint(&robot, LegId(1), &waypoints[2]);
         let base = shown.stance.unwrap().base;
         assert!((Vector3::from(base.position_m) - Vector3::new(0.02, 0.0, 2.0)).norm() < 1e-12);
-        assert_eq!(waypoint(&robot, &waypoints[4]).stance, None);
+        assert_eq!(waypoint(&robot, LegId(1), &waypoints[4]).stance, None);
     }
 }

@@ -23,25 +23,26 @@ mod timing;
 /// Moon.
 const GRAVITY: f64 = 1.62;
 
-/// The robot that ships.
+/// The robot of the missions.
 fn athlete() -> Robot {
-    let folder = "robots/athlete/";
+    load("athlete")
+}
+
+/// A robot that ships.
+fn load(name: &str) -> Robot {
+    let text = |file: &str| testkit::fixture_text(&format!("robots/{name}/{file}"));
     Robot::from_folder(
-        &testkit::fixture_text(&format!("{folder}robot.toml")),
-        |file| Some(testkit::fixture_text(&format!("{folder}{file}"))),
-        |_| false,
+        &text("robot.toml"),
+        |file| Some(text(file)),
+        |mesh| Some(text(mesh).into_bytes()),
     )
     .unwrap()
 }
 
 /// The robot of the demo mission: 300 kg on the chassis.
 fn demo_robot() -> Robot {
-    let payload = Payload {
-        link: "chassis".into(),
-        mass: 300.0,
-        com: Point3::new(0.0, 0.0, 0.25),
-        box_size: Some(Vector3::new(1.2, 1.2, 0.5)),
-    };
+    let (com, edges) = (Point3::new(0.0, 0.0, 0.25), Vector3::new(1.2, 1.2, 0.5));
+    let payload = Payload::boxed("chassis", 300.0, com, edges);
     athlete().with_payloads(&[payload]).unwrap()
 }
 
