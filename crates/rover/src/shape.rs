@@ -53,6 +53,19 @@ impl Shape {
         }
     }
 
+    /// Radius of the sphere about its origin that holds it (m).
+    pub fn bounding_radius(&self) -> f64 {
+        match *self {
+            Shape::Box { half_extents } => half_extents.norm(),
+            Shape::Cylinder { radius, half_length } => radius.hypot(half_length),
+            Shape::Capsule { radius, half_length } => radius + half_length,
+            Shape::Sphere { radius } => radius,
+            Shape::Mesh(ref mesh) => {
+                mesh.vertices().iter().map(|v| v.coords.norm()).fold(0.0, f64::max)
+            }
+        }
+    }
+
     /// True if all of its sizes are finite and above zero; a capsule may be a sphere.
     pub fn is_proper(&self) -> bool {
         let above = |size: f64| size.is_finite() && size > 0.0;
