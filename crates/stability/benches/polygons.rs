@@ -29,6 +29,7 @@ fn benches(c: &mut Criterion) {
         b.iter(|| settlement::worst(&contacts, &com, 0.1));
     });
     let rules = StanceRules {
+        leg_stiffness: 15_000.0,
         margin: 0.15,
         settlement: 0.1,
         ground_tolerance: 0.02,
