@@ -450,7 +450,11 @@ fn footfall_finding(context: &CheckContext, waypoints: &[Waypoint]) -> Option<Fi
         ok: height.abs() <= zone.ground_tolerance,
         margin: Some(zone.ground_tolerance - height.abs()),
         place: format!("{} on the ground", robot.leg(context.leg).name),
-        detail: format!("the wheel ends {:.1} mm above the ground of the map", 1e3 * height),
+        detail: if height < 0.0 {
+            format!("the wheel ends pressed {:.1} mm into the ground of the map", -1e3 * height)
+        } else {
+            format!("the wheel ends {:.1} mm above the ground of the map", 1e3 * height)
+        },
     })
 }
 

@@ -3,7 +3,7 @@
 use collision::{ContactZone, Keep, LegChecker, Scene, Survey, Touchdown, survey, touchdowns};
 use nalgebra::{Isometry3, Point2, Point3, Translation3, Unit, Vector3};
 use rover::{Configuration, LegAngles, LegId, Posture};
-use stability::rule;
+use stability::{Preference, StanceGuard, rule, spring_share};
 
 use crate::answer::{
     EdgeRule, Footfall, Outcome, Phase, Statistics, StepAnswer, StepRequest, Target, Waypoint,
@@ -13,6 +13,7 @@ use crate::failure::{Failure, Teller, outcome_of};
 use crate::leg_space::{Blocked, LegSpace, guard_over};
 use crate::line::wheel_line;
 use crate::shift::{SampledBody, ShiftRequest, plan_shift};
+use crate::timing::{TimingError, TimingLimits, time_body_path, time_leg_path};
 use crate::transit::Transit;
 use crate::watch::{Stage, Watch};
 
@@ -69,6 +70,8 @@ struct Arrival {
 /// What the step stands on: the feet that stay, and what was seen.
 struct Stance {
     seen: Option<Survey>,
+    /// All legs on the ground at the start, with their contacts.
+    on_ground: Vec<(LegId, Point3<f64>)>,
     /// The legs that stand while this one steps, with their contacts.
     standing: Vec<(LegId, Point3<f64>)>,
 }
@@ -151,7 +154,26 @@ impl<'a> Planning<'a> {
         self.statistics.n_checked = crate::space::Space::n_checked(&space);
         let (arrival, transit) = result?;
         self.statistics.certified = matches!(rule, EdgeRule::Certified);
-        let waypoints = self.waypoints(&departure, &transit, &arrival);
+        let down = arrival.knots[arrival.knots.len() - 1];
+        let pressed = (self.request.preload && !self.request.transit_only)
+            .then_some(arrival.footfall.as_ref())
+            .flatten()
+            .and_then(|footfall| self.pressed(&posture, &down, footfall, &stance.standing));
+        let mut parts = vec![(Phase::Lift, &departure.knots[..]), (Phase::Transit, &transit[..])];
+        parts.push((Phase::Drop, &arrival.knots));
+        parts.extend(pressed.iter().map(|(knots, _)| (Phase::Preload, &knots[..])));
+        parts.retain(|(_, knots)| knots.len() > 1);
+        if parts.is_empty() {
+            parts.push((Phase::Transit, &departure.knots));
+        }
+        let waypoints =
+            self.waypoints(&posture, guard.as_ref(), &stance.on_ground, &parts).map_err(|why| {
+                Failure::new(8, Outcome::Unstable, format!("no way to time the step: {why}")).by(
+                    "stability",
+                    None,
+                    "m",
+                )
+            })?;
 
         watch.entered(Stage::Check);
         let report = check_step(
@@ -188,7 +210,7 @@ impl<'a> Planning<'a> {
             statistics: self.statistics,
             constraint: None,
             nearest: None,
-            preload: None,
+            preload: pressed.map(|(_, load)| load),
         })
     }
 
@@ -218,7 +240,7 @@ impl<'a> Planning<'a> {
     /// What the step stands on, after a shift of the body if the margin rule asks for one.
     fn stance(&mut self, posture: &Posture, watch: &mut impl Watch) -> Result<Stance, Failure> {
         if self.request.transit_only {
-            return Ok(Stance { seen: None, standing: Vec::new() });
+            return Ok(Stance { seen: None, on_ground: Vec::new(), standing: Vec::new() });
         }
         let seen = survey(self.scene, posture);
         if let Some(pair) = seen.self_collision().or(seen.terrain_collision()) {
@@ -233,7 +255,7 @@ impl<'a> Planning<'a> {
         let robot = self.scene.robot();
         let guard = guard_over(robot, &standing, self.request.preference);
         if guard.is_some_and(|guard| guard.spare(&posture.center_of_mass(robot)) >= 0.0) {
-            return Ok(Stance { seen: Some(seen), standing });
+            return Ok(Stance { seen: Some(seen), on_ground, standing });
         }
         let report = rule::assess(robot, posture, &standing, self.gravity);
         let verdict = rule::verdict(&report, robot.stance(), self.request.preference);
@@ -254,7 +276,7 @@ impl<'a> Planning<'a> {
         let seen = survey(self.scene, &posture);
         let mut standing = seen.contacts(self.scene, &posture);
         standing.retain(|(leg, _)| *leg != self.leg());
-        Ok(Stance { seen: Some(seen), standing })
+        Ok(Stance { seen: Some(seen), on_ground, standing })
     }
 
     /// Knots of the smallest shift after which the leg may be lifted, or why there is none.
@@ -555,56 +577,66 @@ impl<'a> Planning<'a> {
         None
     }
 
+    /// Knots that press the standing wheel down until it bears its predicted load, and that load (N):
+    /// by load over stiffness, but no deeper than half of what a wheel may stand in the ground, for
+    /// the rest is the map's error. None where the prediction says nothing.
+    fn pressed(
+        &self,
+        posture: &Posture,
+        angles: &LegAngles,
+        footfall: &Footfall,
+        standing: &[(LegId, Point3<f64>)],
+    ) -> Option<(Vec<LegAngles>, f64)> {
+        let robot = self.scene.robot();
+        let rules = robot.stance();
+        let down = posture.with_leg(robot, self.leg(), angles);
+        let mut contacts: Vec<Point3<f64>> = standing.iter().map(|(_, p)| *p).collect();
+        contacts.push(footfall.contact);
+        let weight = robot.mass() * self.gravity;
+        let load = *spring_share(&contacts, &down.center_of_mass(robot), weight)?.last()?;
+        let depth = (load / rules.leg_stiffness).min(0.5 * rules.ground_tolerance);
+        let press = Translation3::from(footfall.normal.into_inner() * -depth);
+        let goal = press * footfall.world_from_wheel;
+        let knots = wheel_line(robot, posture, self.leg(), angles, &goal).ok()?;
+        (depth > 0.0).then_some((knots, load))
+    }
+
     /// All knots with phases and times.
     fn waypoints(
         &self,
-        departure: &Departure,
-        transit: &[LegAngles],
-        arrival: &Arrival,
-    ) -> Vec<Waypoint> {
+        posture: &Posture,
+        guard: Option<&StanceGuard>,
+        on_ground: &[(LegId, Point3<f64>)],
+        parts: &[(Phase, &[LegAngles])],
+    ) -> Result<Vec<Waypoint>, TimingError> {
         let robot = self.scene.robot();
-        let speed = robot.motion().joint_speed;
-        let mut waypoints = Vec::new();
-        let mut time = 0.0;
-        let mut before = None;
-        for knot in &self.shift {
-            let change = |b: &Configuration| {
-                b.legs.iter().zip(&knot.legs).map(|(a, b)| (b - a).amax()).fold(0.0, f64::max)
-            };
-            time += before.map_or(0.0, |b| change(b) / speed);
-            before = Some(knot);
-            waypoints.push(Waypoint {
-                angles: knot.legs[self.leg().0],
+        let limits = TimingLimits::of(robot);
+        let leg = self.leg();
+        let mut waypoints: Vec<Waypoint> = Vec::new();
+        if self.shift.len() > 1 {
+            let legs: Vec<LegId> = on_ground.iter().map(|(leg, _)| *leg).collect();
+            let all = guard_over(robot, on_ground, Preference::Regular);
+            let timed =
+                time_body_path(robot, &self.shift, &legs, all.as_ref(), self.gravity, &limits)?;
+            waypoints.extend(self.shift.iter().zip(timed.times()).map(|(knot, time)| Waypoint {
+                angles: knot.legs[leg.0],
                 phase: Phase::Shift,
                 time,
                 stance: Some(knot.clone()),
                 hold: true,
-            });
+            }));
         }
-        if waypoints.is_empty() {
-            let lifts = departure.knots.len() > 1;
-            let phase = if lifts { Phase::Lift } else { Phase::Transit };
-            waypoints.push(Waypoint {
-                angles: departure.knots[0],
-                phase,
-                time: 0.0,
-                stance: None,
-                hold: true,
-            });
-        }
-        let parts = [
-            (Phase::Lift, &departure.knots[1..]),
-            (Phase::Transit, transit.get(1..).unwrap_or(&[])),
-            (Phase::Drop, &arrival.knots[1..]),
-        ];
         for (phase, knots) in parts {
-            for angles in knots {
-                let before = &waypoints[waypoints.len() - 1];
-                let time = before.time + (angles - before.angles).amax() / speed;
+            let timed = time_leg_path(robot, posture, leg, knots, guard, self.gravity, &limits)?;
+            let begin = waypoints.last().map_or(0.0, |w| w.time);
+            let all = knots.iter().zip(timed.times());
+            // Each part begins where the one before ends.
+            for (angles, time) in all.skip(usize::from(!waypoints.is_empty())) {
+                let (phase, time) = (*phase, begin + time);
                 waypoints.push(Waypoint { angles: *angles, phase, time, stance: None, hold: true });
             }
         }
-        waypoints
+        Ok(waypoints)
     }
 }
 

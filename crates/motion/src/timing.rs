@@ -28,9 +28,6 @@ use stability::StanceGuard;
 
 use crate::shift::Executed;
 
-/// Acceleration of joints that the model does not give (rad/s²).
-const JOINT_ACCELERATION: f64 = 0.2;
-
 /// Intervals of a piece at whose ends derivatives are taken.
 const INTERVALS: usize = 16;
 
@@ -50,10 +47,13 @@ pub struct TimingLimits {
 }
 
 impl TimingLimits {
-    /// The robot's speed, and 0.2 rad/s².
+    /// The robot's own.
     pub fn of(robot: &Robot) -> TimingLimits {
-        let joint_speed = robot.motion().joint_speed;
-        TimingLimits { joint_speed, joint_acceleration: JOINT_ACCELERATION }
+        let motion = robot.motion();
+        TimingLimits {
+            joint_speed: motion.joint_speed,
+            joint_acceleration: motion.joint_acceleration,
+        }
     }
 }
 

@@ -8,13 +8,6 @@ use stability::{spring_share_with_preload, support_polygon};
 
 use crate::command::names;
 
-/// How far a leg yields under its share of the weight of a rover that stands on all of its legs on
-/// Earth, for a robot of scale 1 (m) (F83: the lift of 0.2 m that unloads a wheel is twice that).
-const NOMINAL_DEFLECTION: f64 = 0.10;
-
-/// Gravity on Earth (m/s²).
-const EARTH: f64 = 9.806_65;
-
 /// One wheel over the ground.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Foot {
@@ -71,12 +64,6 @@ pub(crate) fn names_without(scene: &Scene, feet: &[Foot], leg: LegId) -> String 
     names(scene.robot(), &others)
 }
 
-/// Stiffness of a leg against the ground (N/m).
-fn leg_stiffness(robot: &Robot) -> f64 {
-    let share = robot.mass() * EARTH / robot.legs().len().max(1) as f64;
-    share / (NOMINAL_DEFLECTION * robot.scale())
-}
-
 /// Vertical force of the ground on each wheel (N), by leg, zero for wheels that do not stand.
 ///
 /// Legs are equal vertical springs that push only. The rover in the simulation is rigid, so its
@@ -85,7 +72,7 @@ fn leg_stiffness(robot: &Robot) -> f64 {
 pub(crate) fn loads(robot: &Robot, posture: &Posture, feet: &[Foot], gravity: f64) -> Vec<f64> {
     let standing = standing(feet);
     let contacts: Vec<_> = standing.iter().map(|(_, contact)| *contact).collect();
-    let stiffness = leg_stiffness(robot);
+    let stiffness = robot.stance().leg_stiffness;
     let preload: Vec<f64> = standing.iter().map(|(leg, _)| stiffness * feet[leg.0].depth).collect();
     let com = posture.center_of_mass(robot);
     let weight = robot.mass() * gravity;

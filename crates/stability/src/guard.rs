@@ -222,6 +222,7 @@ mod tests {
             contact_radius: 0.15,
             contact_height: 0.05,
             camber_limit: 0.35,
+            leg_stiffness: 15_000.0,
         }
     }
 

@@ -36,6 +36,7 @@ fn random_rules(rng: &mut ChaCha8Rng) -> StanceRules {
         contact_radius: 0.15,
         contact_height: 0.05,
         camber_limit: 0.35,
+        leg_stiffness: 15_000.0,
     }
 }
 
