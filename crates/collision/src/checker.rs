@@ -71,12 +71,11 @@ pub struct Keep {
     pub pairs: Option<f64>,
     /// Added to every clearance: tracking error, sag, error of the map.
     pub inflation: f64,
-    /// Added about obstacles (F86).
+    /// Added about obstacles where [`Allowance::buffered`] says so (F86).
     pub obstacle_buffer: f64,
-    /// The ground is raised by this much where [`Allowance::raised`] says so (F84), but never under
-    /// `footfalls`: about them it stays as it is for the moving wheel.
+    /// The ground is raised by this much there (F84).
     pub terrain_lift: f64,
-    /// Start and goal of the moving wheel.
+    /// Start and goal of the moving wheel: over them the buffers do not count for the foot.
     pub footfalls: Vec<Point2<f64>>,
 }
 
@@ -85,8 +84,9 @@ pub struct Keep {
 pub struct Allowance<'z> {
     /// Where the wheel may touch.
     pub zone: Option<&'z ContactZone>,
-    /// The ground counts as raised by [`Keep::terrain_lift`].
-    pub raised: bool,
+    /// The buffers count: the ground is raised by [`Keep::terrain_lift`], and
+    /// [`Keep::obstacle_buffer`] is kept about obstacles.
+    pub buffered: bool,
 }
 
 /// Nearest distances of the moving leg.
@@ -310,7 +310,7 @@ impl<'a> LegChecker<'a> {
             start = end;
         }
         let hip = self.chain.frames(&LegAngles::zeros()).links[0].origin;
-        let reach = self.reach_of_leg() + self.solid_required();
+        let reach = self.reach_of_leg() + self.environment() + self.keep.obstacle_buffer;
         let beside = nalgebra::Vector2::repeat(reach);
         let center = Point2::new(hip.x, hip.y);
         self.roof = highest_known(self.scene, center - beside, center + beside);
@@ -366,13 +366,13 @@ impl<'a> LegChecker<'a> {
 
     /// The first thing nearer than it may be with the leg as in `posture`; `None` if all is free.
     pub fn violation(&self, posture: &Posture, zone: Option<&ContactZone>) -> Option<Violation> {
-        self.violation_in(&self.frames_of(posture), Allowance { zone, raised: false })
+        self.violation_in(&self.frames_of(posture), Allowance { zone, buffered: false })
     }
 
     /// As [`violation`](Self::violation), but only what overlaps: distance zero.
     pub fn collision(&self, posture: &Posture, zone: Option<&ContactZone>) -> Option<Violation> {
         let frames = self.frames_of(posture);
-        let moment = Moment::still(&frames, Allowance { zone, raised: false });
+        let moment = Moment::still(&frames, Allowance { zone, buffered: false });
         let moment = Moment { touch_only: true, ..moment };
         self.first_violation(&moment, &mut Scratch::new(self))
     }
@@ -424,7 +424,7 @@ impl<'a> LegChecker<'a> {
         scratch.place_foot(self, moment);
         let placed = scratch.parts[index].placed;
         let in_zone = moving.is_foot && self.zone_holds(moment, scratch).is_some();
-        let lift = if moment.allowance.raised { self.keep.terrain_lift } else { 0.0 };
+        let lift = if moment.allowance.buffered { self.keep.terrain_lift } else { 0.0 };
         // The rules that apply; the one that leaves most to spare counts.
         let mut rules = vec![(self.environment(), lift)];
         if moving.is_foot && lift > 0.0 && self.over_footfall(scratch).is_some() {
@@ -462,7 +462,10 @@ impl<'a> LegChecker<'a> {
         if !touches {
             nearest.environment = nearer(nearest.environment, ground);
         }
-        let required = if in_zone { 0.0 } else { self.solid_required() };
+        let buffered =
+            moment.allowance.buffered && !(moving.is_foot && self.over_footfall(scratch).is_some());
+        let buffer = if buffered { self.keep.obstacle_buffer } else { 0.0 };
+        let required = if in_zone { 0.0 } else { self.environment() + buffer };
         for &i in &self.near_solids {
             let solid = &self.scene.solids[i];
             let limit = (required + within(reach, &nearest.environment)).max(TOUCHING);
@@ -522,7 +525,7 @@ impl<'a> LegChecker<'a> {
         scratch.place(self, moment, index);
         let needs_foot = matches!(item.against, Against::Ground | Against::Solids)
             && self.moving[index].is_foot
-            && (moment.allowance.zone.is_some() || moment.allowance.raised);
+            && (moment.allowance.zone.is_some() || moment.allowance.buffered);
         if needs_foot {
             scratch.place_foot(self, moment);
         }
@@ -599,19 +602,25 @@ impl<'a> LegChecker<'a> {
         here: &Here,
         scratch: &Scratch,
     ) -> Look {
-        let required = moment.required(self.solid_required());
-        let usual = self.look_at_solids_from(moment, index, here, required);
-        if !self.moving[index].is_foot || matches!(usual, Look::Clear) {
-            return usual;
+        let buffer = if moment.allowance.buffered { self.keep.obstacle_buffer } else { 0.0 };
+        let required = moment.required(self.environment() + buffer);
+        let mut worst = self.look_at_solids_from(moment, index, here, required);
+        if !self.moving[index].is_foot || matches!(worst, Look::Clear) {
+            return worst;
+        }
+        if buffer > 0.0
+            && let Some(surely) = self.over_footfall(scratch)
+        {
+            let required = moment.required(self.environment());
+            let look = self.look_at_solids_from(moment, index, here, required);
+            worst = better(worst, look, surely);
         }
         // In its zone the foot need not keep its distance from what stands beside the footfall.
-        match self.zone_holds(moment, scratch) {
-            None => usual,
-            Some(surely) => {
-                let look = self.look_at_solids_from(moment, index, here, 0.0);
-                better(usual, look, surely)
-            }
+        if let Some(surely) = self.zone_holds(moment, scratch) {
+            let look = self.look_at_solids_from(moment, index, here, 0.0);
+            worst = better(worst, look, surely);
         }
+        worst
     }
 
     fn look_at_solids_from(
@@ -650,7 +659,7 @@ impl<'a> LegChecker<'a> {
         scratch: &Scratch,
     ) -> Look {
         let moving = &self.moving[index];
-        let lift = if moment.allowance.raised { self.keep.terrain_lift } else { 0.0 };
+        let lift = if moment.allowance.buffered { self.keep.terrain_lift } else { 0.0 };
         let required = moment.required(self.environment());
         let usual = self.look_at_raised_ground(moment, moving, here, required, lift);
         if !moving.is_foot || matches!(usual, Look::Clear) {
@@ -752,10 +761,6 @@ impl<'a> LegChecker<'a> {
     fn environment(&self) -> f64 {
         let own = self.scene.robot().tolerances().environment;
         self.keep.environment.unwrap_or(own) + self.keep.inflation
-    }
-
-    fn solid_required(&self) -> f64 {
-        self.environment() + self.keep.obstacle_buffer
     }
 
     fn pair_required(&self, a: &Part, b: &Part) -> Option<f64> {

@@ -197,7 +197,7 @@ fn look_along_leg(context: &CheckContext, waypoints: &[Waypoint], seen: &mut See
             Phase::Shift | Phase::Transit => None,
             Phase::Drop | Phase::Preload => context.drop_zone.as_ref(),
         };
-        let allowance = Allowance { zone, raised: phase == Phase::Transit };
+        let allowance = Allowance { zone, buffered: phase == Phase::Transit };
         let clearance = checker.clearance(&posture, allowance, reach);
         let mut free = reach;
         if let Some(v) = clearance.links {

@@ -35,7 +35,7 @@ pub(crate) struct LegSpace<'a> {
     /// Where the wheel may touch, if anywhere.
     pub zone: Option<ContactZone>,
     /// The ground counts as raised by the request's buffer (F84).
-    pub raised: bool,
+    pub buffered: bool,
     n_stable: u64,
     /// What blocked the last configuration or edge that was not free.
     pub last: Option<Blocked>,
@@ -57,7 +57,7 @@ impl<'a> LegSpace<'a> {
             guard,
             rule,
             zone: None,
-            raised: false,
+            buffered: false,
             n_stable: 0,
             last: None,
         }
@@ -72,7 +72,7 @@ impl<'a> LegSpace<'a> {
             return Some(Blocked::Limits);
         }
         let frames = checker.chain().frames(angles);
-        let allowance = Allowance { zone: self.zone.as_ref(), raised: self.raised };
+        let allowance = Allowance { zone: self.zone.as_ref(), buffered: self.buffered };
         if let Some(violation) = self.certifier.violation_in(&frames, allowance) {
             return Some(Blocked::Touch(violation));
         }
@@ -82,7 +82,7 @@ impl<'a> LegSpace<'a> {
 
     /// Do all parts of the leg but the wheel on its ground keep `extra` (m) beyond what they must?
     pub fn is_roomy(&mut self, angles: &LegAngles, extra: f64) -> bool {
-        let allowance = Allowance { zone: self.zone.as_ref(), raised: self.raised };
+        let allowance = Allowance { zone: self.zone.as_ref(), buffered: self.buffered };
         self.certifier.is_roomy(angles, allowance, extra)
     }
 
@@ -104,7 +104,7 @@ impl<'a> LegSpace<'a> {
         if let Some(missing) = self.unstable_along(a, b) {
             return Some(Blocked::Unstable(missing));
         }
-        let allowance = Allowance { zone: self.zone.as_ref(), raised: self.raised };
+        let allowance = Allowance { zone: self.zone.as_ref(), buffered: self.buffered };
         match self.certifier.certify(a, b, allowance) {
             Certificate::Free => None,
             Certificate::Blocked { violation, .. } => Some(Blocked::Touch(violation)),

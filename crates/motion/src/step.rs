@@ -381,9 +381,9 @@ impl<'a> Planning<'a> {
             let blocked = space.blocked_along(&knots);
             space.zone = None;
             // The waypoint belongs to the transit: there the wheel may touch nothing.
-            space.raised = true;
+            space.buffered = true;
             let blocked = blocked.or_else(|| space.blocked(&knots[knots.len() - 1]));
-            space.raised = false;
+            space.buffered = false;
             blocked.map_or(Ok(knots), |blocked| Err(Away::Blocked(blocked)))
         };
         let first = along(normal);
@@ -424,9 +424,9 @@ impl<'a> Planning<'a> {
             let share = if searches == MOST_SEARCHES { budget } else { budget.div_ceil(2) };
             let ends = [departure.knots[departure.knots.len() - 1], arrival.knots[0]];
             let before = self.statistics.n_milestones;
-            space.raised = true;
+            space.buffered = true;
             let found = transit.find(ends, share, space, &mut self.statistics, watch);
-            space.raised = false;
+            space.buffered = false;
             match found {
                 Ok(path) => return Ok((arrival, path)),
                 Err(failure) if failure.rank == u8::MAX => return Err(failure),
