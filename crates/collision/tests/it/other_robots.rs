@@ -53,7 +53,7 @@ fn the_hull_of_a_cube_mesh_is_as_far_from_everything_as_the_box() {
         let nearest = |scene: &Scene| {
             let checker = LegChecker::new(scene, &start, LegId(0), None, None);
             checker
-                .clearance(&posture, Allowance { zone: None, raised: false }, 0.5)
+                .clearance(&posture, Allowance { zone: None, buffered: false }, 0.5)
                 .links
                 .map(|v| v.distance)
         };
