@@ -1,8 +1,13 @@
 //! The simulated rover behind the link, in process.
 
-use sim::{Basis, Command, Frame, Mode, Motion, SimRover, Stage};
+use std::collections::BTreeMap;
+
+use rover::{LegAngles, Robot};
+use sim::{Basis, BodyKnot, Command, Frame, JointKnot, Mode, Motion, SimRover, Stage};
 use wire::convert;
-use wire::live::{AckStage, CommandBody, Downlink, Executing, RoverMode, RoverTelemetry, Uplink};
+use wire::live::{
+    self, AckStage, CommandBody, Downlink, Executing, RoverMode, RoverTelemetry, Uplink,
+};
 use wire::time::Timestamp;
 
 use crate::adapter::RoverAdapter;
@@ -93,7 +98,7 @@ impl SimAdapter {
             }),
             wheel_forces_n: convert::by_leg(robot, |leg| frame.wheel_forces[leg.0].into()),
             joint_torques_nm: convert::by_leg(robot, |leg| {
-                frame.joint_torques[leg.0].iter().copied().collect()
+                convert::by_joint(robot.leg(leg), &frame.joint_torques[leg.0])
             }),
             mode,
             executing: frame
@@ -117,17 +122,16 @@ impl RoverAdapter for SimAdapter {
             Uplink::Estop { id } => self.rover.estop(&id),
             Uplink::EstopRelease { id } => self.rover.release(&id),
             Uplink::Command { id, body, basis_joints_rad, basis_tolerance_rad } => {
-                let legs = basis_joints_rad
-                    .iter()
-                    .map(|(leg, joints)| Some((leg.clone(), angles(joints)?)))
-                    .collect::<Option<Vec<_>>>();
-                match (motion(&body), legs) {
-                    (Some(motion), Some(legs)) => {
+                let robot = self.rover.scene().robot().clone();
+                let legs =
+                    angles_by_leg(&robot, &basis_joints_rad).map_err(|why| format!("basis: {why}"));
+                match motion(&robot, &body).and_then(|motion| Ok((motion, legs?))) {
+                    Ok((motion, legs)) => {
                         let basis = Basis { legs, tolerance: basis_tolerance_rad };
                         let basis = (!basis.legs.is_empty()).then_some(basis);
                         self.rover.command(Command { id, motion, basis });
                     }
-                    _ => self.refuse(id, "a leg has six joint angles".into()),
+                    Err(why) => self.refuse(id, why),
                 }
             }
         }
@@ -140,17 +144,48 @@ impl RoverAdapter for SimAdapter {
     }
 }
 
-fn angles(joints: &[f64]) -> Option<rover::LegAngles> {
-    <[f64; 6]>::try_from(joints).ok().map(rover::LegAngles::from)
+/// Joint angles of a leg (rad; m where a joint slides), or why they are none. A leg that is unknown
+/// is for the rover to refuse.
+fn angles(robot: &Robot, leg: &str, joints: &[f64]) -> Result<LegAngles, String> {
+    let wanted = robot.leg_id(leg).map_or(joints.len(), |leg| robot.leg(leg).n_joints());
+    let angles = LegAngles::from_fn(|i, _| joints.get(i).copied().unwrap_or(0.0));
+    if joints.len() == wanted && wanted <= angles.len() {
+        return Ok(angles);
+    }
+    let (leg, n): (String, usize) = (leg.chars().take(80).collect(), joints.len());
+    Err(format!("{leg} has {n} joint angles; as many as it has joints are wanted: {wanted}"))
 }
 
-/// The motion that a command's body asks for; `None` if a knot has not six angles.
-fn motion(body: &CommandBody) -> Option<Motion> {
-    Some(match body {
-        CommandBody::JointPath { leg, knots } => Motion::JointPath {
-            leg: leg.clone(),
-            knots: knots.iter().map(|k| angles(&k.joints_rad)).collect::<Option<_>>()?,
-        },
+fn angles_by_leg(
+    robot: &Robot,
+    joints_rad: &BTreeMap<String, Vec<f64>>,
+) -> Result<Vec<(String, LegAngles)>, String> {
+    let of_leg =
+        |(leg, joints): (&String, &Vec<f64>)| Ok((leg.clone(), angles(robot, leg, joints)?));
+    joints_rad.iter().map(of_leg).collect()
+}
+
+/// The motion that a command's body asks for, or which knot has another number of angles than the
+/// leg has joints.
+fn motion(robot: &Robot, body: &CommandBody) -> Result<Motion, String> {
+    let at = |knot: usize| move |why: String| format!("knot {knot}: {why}");
+    Ok(match body {
+        CommandBody::JointPath { leg, knots } => {
+            let knot = |(i, knot): (usize, &live::JointKnot)| {
+                let angles = angles(robot, leg, &knot.joints_rad).map_err(at(i))?;
+                Ok::<_, String>(JointKnot { angles, time_s: knot.time_s })
+            };
+            let knots = knots.iter().enumerate().map(knot).collect::<Result<_, _>>()?;
+            Motion::JointPath { leg: leg.clone(), knots }
+        }
+        CommandBody::BodyPath { knots } => {
+            let knot = |(i, knot): (usize, &live::BodyKnot)| {
+                let legs = angles_by_leg(robot, &knot.joints_rad).map_err(at(i))?;
+                Ok::<_, String>(BodyKnot { legs, time_s: knot.time_s })
+            };
+            let knots = knots.iter().enumerate().map(knot).collect::<Result<_, _>>()?;
+            Motion::BodyPath { knots }
+        }
         CommandBody::WheelLine { leg, position_m } => {
             Motion::WheelLine { leg: leg.clone(), center: (*position_m).into() }
         }

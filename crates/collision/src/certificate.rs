@@ -40,14 +40,14 @@ impl Certificate {
 }
 
 /// Way of a body over half a piece below which the piece is not cut again (m at scale 1).
-const FINEST: f64 = 2.5e-4;
+const FINEST: f64 = 1e-3;
 
 /// Way of the foot over half a piece below which exact distances are asked for (m at scale 1):
 /// above, a piece that quick bounds leave open is cheaper to cut.
 const FINE: f64 = 0.05;
 
 /// Most pieces of one motion.
-const MOST_PIECES: usize = 4_000;
+const MOST_PIECES: usize = 1_200;
 
 /// The work space of certificates of one checker; keeps its memory from one motion to the next.
 pub struct Certifier<'c, 'a> {
@@ -93,16 +93,29 @@ impl<'c, 'a> Certifier<'c, 'a> {
 
     /// The first thing nearer than it may be at these joint angles.
     pub fn violation(&mut self, angles: &LegAngles, allowance: Allowance) -> Option<Violation> {
-        self.n_pieces += 1;
-        self.scratch.clear();
         let frames = self.checker.chain.frames(angles);
         self.violation_in(&frames, allowance)
     }
 
     /// As [`violation`](Self::violation) with the leg's frames at hand.
     pub fn violation_in(&mut self, frames: &LegFrames, allowance: Allowance) -> Option<Violation> {
+        self.n_pieces += 1;
         self.scratch.clear();
         self.checker.first_violation(&Moment::still(frames, allowance), &mut self.scratch)
+    }
+
+    /// Do all parts of the leg but the foot on its ground keep `extra` (m) beyond what they must?
+    pub fn is_roomy(&mut self, angles: &LegAngles, allowance: Allowance, extra: f64) -> bool {
+        self.n_pieces += 1;
+        self.scratch.clear();
+        let checker = self.checker;
+        let frames = checker.chain.frames(angles);
+        let moment = Moment { extra, ..Moment::still(&frames, allowance) };
+        checker.items.iter().all(|item| {
+            let foot = checker.moving[item.moving as usize].is_foot;
+            (foot && item.against == Against::Ground)
+                || matches!(checker.look(&moment, item, &mut self.scratch), Look::Clear)
+        })
     }
 
     /// Is the joint-linear motion from `a` to `b` free? Limits of joints are not looked at.
@@ -127,6 +140,7 @@ impl<'c, 'a> Certifier<'c, 'a> {
                 allowance,
                 fine: self.scratch.foot_motion(checker, &frames, &change) < FINE * scale,
                 touch_only: false,
+                extra: 0.0,
             };
             let first = self.open.len();
             let mut farthest = 0.0_f64;

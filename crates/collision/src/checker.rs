@@ -71,12 +71,11 @@ pub struct Keep {
     pub pairs: Option<f64>,
     /// Added to every clearance: tracking error, sag, error of the map.
     pub inflation: f64,
-    /// Added about obstacles (F86).
+    /// Added about obstacles where [`Allowance::buffered`] says so (F86).
     pub obstacle_buffer: f64,
-    /// The ground is raised by this much where [`Allowance::raised`] says so (F84), but never under
-    /// `footfalls`: about them it stays as it is for the moving wheel.
+    /// The ground is raised by this much there (F84).
     pub terrain_lift: f64,
-    /// Start and goal of the moving wheel.
+    /// Start and goal of the moving wheel: over them the buffers do not count for the foot.
     pub footfalls: Vec<Point2<f64>>,
 }
 
@@ -85,8 +84,9 @@ pub struct Keep {
 pub struct Allowance<'z> {
     /// Where the wheel may touch.
     pub zone: Option<&'z ContactZone>,
-    /// The ground counts as raised by [`Keep::terrain_lift`].
-    pub raised: bool,
+    /// The buffers count: the ground is raised by [`Keep::terrain_lift`], and
+    /// [`Keep::obstacle_buffer`] is kept about obstacles.
+    pub buffered: bool,
 }
 
 /// Nearest distances of the moving leg.
@@ -122,7 +122,7 @@ pub(crate) struct Moving<'a> {
     pub part: &'a Part,
     pub place: usize,
     place_from_part: Frame,
-    is_foot: bool,
+    pub is_foot: bool,
     /// Clearance that each other moving part keeps from it (m).
     required: Vec<Option<f64>>,
 }
@@ -178,12 +178,14 @@ pub(crate) struct Moment<'m> {
     pub fine: bool,
     /// Only touching counts: no clearance is kept.
     pub touch_only: bool,
+    /// Counts as a way that every body may go (m).
+    pub extra: f64,
 }
 
 impl Moment<'_> {
     /// One configuration.
     pub fn still<'m>(frames: &'m LegFrames, allowance: Allowance<'m>) -> Moment<'m> {
-        Moment { frames, change: &STILL, allowance, fine: true, touch_only: false }
+        Moment { frames, change: &STILL, allowance, fine: true, touch_only: false, extra: 0.0 }
     }
 
     fn required(&self, required: f64) -> f64 {
@@ -227,7 +229,7 @@ impl<'a> LegChecker<'a> {
                     part,
                     place,
                     place_from_part: Frame::from(&(place_from_link * part.link_from_part)),
-                    is_foot: matches!(part.body, Body::Leg { place: 5, .. }),
+                    is_foot: part.body.is_outermost(robot),
                     required: Vec::new(),
                 }),
                 None => rest.push(part),
@@ -308,7 +310,7 @@ impl<'a> LegChecker<'a> {
             start = end;
         }
         let hip = self.chain.frames(&LegAngles::zeros()).links[0].origin;
-        let reach = self.reach_of_leg() + self.solid_required();
+        let reach = self.reach_of_leg() + self.environment() + self.keep.obstacle_buffer;
         let beside = nalgebra::Vector2::repeat(reach);
         let center = Point2::new(hip.x, hip.y);
         self.roof = highest_known(self.scene, center - beside, center + beside);
@@ -364,13 +366,13 @@ impl<'a> LegChecker<'a> {
 
     /// The first thing nearer than it may be with the leg as in `posture`; `None` if all is free.
     pub fn violation(&self, posture: &Posture, zone: Option<&ContactZone>) -> Option<Violation> {
-        self.violation_in(&self.frames_of(posture), Allowance { zone, raised: false })
+        self.violation_in(&self.frames_of(posture), Allowance { zone, buffered: false })
     }
 
     /// As [`violation`](Self::violation), but only what overlaps: distance zero.
     pub fn collision(&self, posture: &Posture, zone: Option<&ContactZone>) -> Option<Violation> {
         let frames = self.frames_of(posture);
-        let moment = Moment::still(&frames, Allowance { zone, raised: false });
+        let moment = Moment::still(&frames, Allowance { zone, buffered: false });
         let moment = Moment { touch_only: true, ..moment };
         self.first_violation(&moment, &mut Scratch::new(self))
     }
@@ -422,7 +424,7 @@ impl<'a> LegChecker<'a> {
         scratch.place_foot(self, moment);
         let placed = scratch.parts[index].placed;
         let in_zone = moving.is_foot && self.zone_holds(moment, scratch).is_some();
-        let lift = if moment.allowance.raised { self.keep.terrain_lift } else { 0.0 };
+        let lift = if moment.allowance.buffered { self.keep.terrain_lift } else { 0.0 };
         // The rules that apply; the one that leaves most to spare counts.
         let mut rules = vec![(self.environment(), lift)];
         if moving.is_foot && lift > 0.0 && self.over_footfall(scratch).is_some() {
@@ -433,6 +435,7 @@ impl<'a> LegChecker<'a> {
             rules.push((0.0, if moving.part.is_wheel { -depth } else { 0.0 }));
         }
         let link = moving.part.link;
+        let least = within(reach, &nearest.environment);
         let of_rule = |(required, lift): (f64, f64)| {
             let at = placed.raised(-lift);
             match near_ground(
@@ -440,7 +443,7 @@ impl<'a> LegChecker<'a> {
                 moving.part,
                 &at,
                 required,
-                required + reach,
+                (required + least).max(TOUCHING),
                 Kernel::Exact,
             ) {
                 GroundNear::Clear => None,
@@ -459,10 +462,13 @@ impl<'a> LegChecker<'a> {
         if !touches {
             nearest.environment = nearer(nearest.environment, ground);
         }
-        let required = if in_zone { 0.0 } else { self.solid_required() };
+        let buffered =
+            moment.allowance.buffered && !(moving.is_foot && self.over_footfall(scratch).is_some());
+        let buffer = if buffered { self.keep.obstacle_buffer } else { 0.0 };
+        let required = if in_zone { 0.0 } else { self.environment() + buffer };
         for &i in &self.near_solids {
             let solid = &self.scene.solids[i];
-            let limit = required + reach;
+            let limit = (required + within(reach, &nearest.environment)).max(TOUCHING);
             if !apart(&placed, &moving.part.form, &solid.placed, &solid.form, limit) {
                 let near = near_solid(&placed, moving.part, solid, limit);
                 let found = near.map(|near| violation(Touch::Obstacle(link, i), near, required));
@@ -479,22 +485,21 @@ impl<'a> LegChecker<'a> {
         scratch: &mut Scratch,
         nearest: &mut Clearance,
     ) {
-        let part = self.moving[index].part;
-        scratch.place(self, moment, index);
-        let placed = scratch.parts[index].placed;
-        let own = (index + 1..self.moving.len()).map(|j| {
+        for j in index..self.moving.len() {
             scratch.place(self, moment, j);
-            (self.moving[j].part, scratch.parts[j].placed)
-        });
-        let own: Vec<_> = own.collect();
-        let fixed = self.fixed.iter().map(|f| (f.part, f.placed));
-        for (other, at) in own.into_iter().chain(fixed) {
-            let Some(required) = self.pair_required(part, other) else { continue };
-            let limit = required + reach;
-            if apart(&placed, &part.form, &at, &other.form, limit) {
+        }
+        let part = self.moving[index].part;
+        let placed = &scratch.parts[index].placed;
+        let own = self.moving.iter().zip(&scratch.parts).skip(index + 1);
+        let own = own.map(|(m, here)| (m.part, &here.placed, m.required[index]));
+        let fixed = self.fixed.iter().map(|f| (f.part, &f.placed, f.required[index]));
+        for (other, at, required) in own.chain(fixed) {
+            let Some(required) = required else { continue };
+            let limit = required + within(reach, &nearest.links);
+            if limit <= 0.0 || apart(placed, &part.form, at, &other.form, limit) {
                 continue;
             }
-            let [pose, other_pose] = [&placed, &at].map(|p| pose_of(&p.frame));
+            let [pose, other_pose] = [placed, at].map(|p| pose_of(&p.frame));
             let found = near(&pose, &*part.shape.0, &other_pose, &*other.shape.0, limit)
                 .map(|near| violation(Touch::Links(part.link, other.link), near, required));
             nearest.links = nearer(nearest.links, found);
@@ -504,8 +509,13 @@ impl<'a> LegChecker<'a> {
     fn frames_of(&self, posture: &Posture) -> LegFrames {
         let model = self.scene.robot().leg(self.leg);
         LegFrames {
-            links: model.links.map(|link| Frame::from(posture.link(link))),
+            // Beyond the last joint stands the last link: the padding of a short leg.
+            links: std::array::from_fn(|place| {
+                let place = place.min(model.n_joints() - 1);
+                Frame::from(posture.link(model.links[place]))
+            }),
             axes: [nalgebra::Vector3::zeros(); 6],
+            slides: [false; 6],
         }
     }
 
@@ -515,7 +525,7 @@ impl<'a> LegChecker<'a> {
         scratch.place(self, moment, index);
         let needs_foot = matches!(item.against, Against::Ground | Against::Solids)
             && self.moving[index].is_foot
-            && (moment.allowance.zone.is_some() || moment.allowance.raised);
+            && (moment.allowance.zone.is_some() || moment.allowance.buffered);
         if needs_foot {
             scratch.place_foot(self, moment);
         }
@@ -572,13 +582,14 @@ impl<'a> LegChecker<'a> {
         let (outer, inner, here) =
             if first.place >= second.place { (first, second, a) } else { (second, first, b) };
         let [p, q] = here.placed.ends();
-        let motion = moment.frames.motion_bound(
-            outer.place,
-            inner.place + 1,
-            [&p, &q],
-            here.placed.radius,
-            moment.change,
-        );
+        let motion = moment.extra
+            + moment.frames.motion_bound(
+                outer.place,
+                inner.place + 1,
+                [&p, &q],
+                here.placed.radius,
+                moment.change,
+            );
         let required = moment.required(required);
         let places = [&a.placed, &b.placed];
         look_at_pair(moment, [first.part, second.part], places, required, motion)
@@ -591,19 +602,25 @@ impl<'a> LegChecker<'a> {
         here: &Here,
         scratch: &Scratch,
     ) -> Look {
-        let required = moment.required(self.solid_required());
-        let usual = self.look_at_solids_from(moment, index, here, required);
-        if !self.moving[index].is_foot || matches!(usual, Look::Clear) {
-            return usual;
+        let buffer = if moment.allowance.buffered { self.keep.obstacle_buffer } else { 0.0 };
+        let required = moment.required(self.environment() + buffer);
+        let mut worst = self.look_at_solids_from(moment, index, here, required);
+        if !self.moving[index].is_foot || matches!(worst, Look::Clear) {
+            return worst;
+        }
+        if buffer > 0.0
+            && let Some(surely) = self.over_footfall(scratch)
+        {
+            let required = moment.required(self.environment());
+            let look = self.look_at_solids_from(moment, index, here, required);
+            worst = better(worst, look, surely);
         }
         // In its zone the foot need not keep its distance from what stands beside the footfall.
-        match self.zone_holds(moment, scratch) {
-            None => usual,
-            Some(surely) => {
-                let look = self.look_at_solids_from(moment, index, here, 0.0);
-                better(usual, look, surely)
-            }
+        if let Some(surely) = self.zone_holds(moment, scratch) {
+            let look = self.look_at_solids_from(moment, index, here, 0.0);
+            worst = better(worst, look, surely);
         }
+        worst
     }
 
     fn look_at_solids_from(
@@ -642,7 +659,7 @@ impl<'a> LegChecker<'a> {
         scratch: &Scratch,
     ) -> Look {
         let moving = &self.moving[index];
-        let lift = if moment.allowance.raised { self.keep.terrain_lift } else { 0.0 };
+        let lift = if moment.allowance.buffered { self.keep.terrain_lift } else { 0.0 };
         let required = moment.required(self.environment());
         let usual = self.look_at_raised_ground(moment, moving, here, required, lift);
         if !moving.is_foot || matches!(usual, Look::Clear) {
@@ -746,10 +763,6 @@ impl<'a> LegChecker<'a> {
         self.keep.environment.unwrap_or(own) + self.keep.inflation
     }
 
-    fn solid_required(&self) -> f64 {
-        self.environment() + self.keep.obstacle_buffer
-    }
-
     fn pair_required(&self, a: &Part, b: &Part) -> Option<f64> {
         let required = pair_tolerance(self.scene.robot(), a.body, b.body)?;
         Some(self.keep.pairs.unwrap_or(required) + self.keep.inflation)
@@ -807,7 +820,7 @@ impl Scratch {
         let placed = Placed::new(frame, &moving.part.core);
         let [a, b] = placed.ends();
         let motion = if std::ptr::eq(moment.change, &STILL) {
-            0.0
+            moment.extra
         } else {
             moment.frames.motion_bound(moving.place, 0, [&a, &b], placed.radius, moment.change)
         };
@@ -874,6 +887,11 @@ fn look_at_pair(
         }
         Separation::Apart | Separation::Near { .. } => Look::Open,
     }
+}
+
+/// How much a distance may have to spare (m) to be the nearest so far.
+fn within(reach: f64, nearest: &Option<Violation>) -> f64 {
+    nearest.map_or(reach, |v| v.distance - v.required).min(reach)
 }
 
 /// Of two the one that has less to spare.

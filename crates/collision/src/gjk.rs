@@ -136,7 +136,7 @@ impl Simplex {
         let (a, b) = (self.points[0], self.points[1]);
         let ab = b - a;
         let t = -a.dot(&ab) / ab.norm_squared();
-        if !(t > 0.0) {
+        if t.is_nan() || t <= 0.0 {
             self.keep(&[0]);
             a
         } else if t >= 1.0 {

@@ -7,7 +7,7 @@ use rover::{LegId, LinkId, Robot};
 pub enum Body {
     /// The base link and what is fixed to it.
     Base,
-    /// The part of a leg that the joint at `place` (0 to 5 from the hip) carries.
+    /// The part of a leg that the joint at `place` (from 0 at the hip) carries.
     Leg {
         /// The leg.
         leg: LegId,
@@ -19,16 +19,17 @@ pub enum Body {
 impl Body {
     /// The body that a link belongs to: its own, or that of the link it is fixed to.
     pub fn of(robot: &Robot, link: LinkId) -> Body {
-        let mut link = link;
-        loop {
-            if let Some((leg, place)) = robot.body_of(link) {
-                return Body::Leg { leg, place };
-            }
-            match robot.links()[link.0].parent_joint {
-                Some(joint) => link = robot.joints()[joint].parent,
-                None => return Body::Base,
-            }
+        match robot.body_of(link) {
+            Some((leg, place)) => Body::Leg { leg, place },
+            None => Body::Base,
         }
+    }
+}
+
+impl Body {
+    /// True for the outermost body of a leg, which has the wheel or the foot.
+    pub(crate) fn is_outermost(self, robot: &Robot) -> bool {
+        matches!(self, Body::Leg { leg, place } if place + 1 == robot.leg(leg).n_joints())
     }
 }
 
@@ -38,10 +39,10 @@ pub(crate) fn pair_tolerance(robot: &Robot, a: Body, b: Body) -> Option<f64> {
     let t = robot.tolerances();
     match (a.min(b), a.max(b)) {
         (Body::Base, Body::Base) => None,
-        (Body::Base, Body::Leg { place, .. }) => match place {
+        (Body::Base, outer @ Body::Leg { place, .. }) => match place {
             0 => None,
+            _ if outer.is_outermost(robot) => Some(t.base_wheel),
             1 => Some(t.base_thigh),
-            5 => Some(t.base_wheel),
             _ => Some(t.pair),
         },
         (Body::Leg { leg: l, place: p }, Body::Leg { leg: m, place: q }) => {

@@ -1,9 +1,12 @@
 //! Shapes on the way to parry and back: the one place where the two linear algebras meet.
 
-use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
+use std::sync::Arc;
+
+use nalgebra::{Isometry3, Point3, Vector3};
 use parry3d_f64::math::{Pose, Vector};
 use parry3d_f64::query::{ClosestPoints, closest_points};
-use parry3d_f64::shape::{Shape as ParryShape, SharedShape};
+use parry3d_f64::shape::{ConvexPolyhedron, Shape as ParryShape, SharedShape};
+use parry3d_f64::transformation::try_convex_hull;
 use rover::{Frame, LinkId, Robot, Shape};
 
 use crate::form::{Core, Form};
@@ -23,40 +26,67 @@ pub(crate) struct Part {
     pub is_wheel: bool,
 }
 
-/// All shapes of the robot, in the order of its links.
+/// All shapes of the robot, in the order of its links; a mesh as the hulls of its components.
 pub(crate) fn parts_of(robot: &Robot) -> Vec<Part> {
     // parry's cylinders and capsules stand along y, ours along z.
-    let upright = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
+    let upright = Isometry3::rotation(Vector3::x() * std::f64::consts::FRAC_PI_2);
     let mut parts = Vec::new();
     for (i, link) in robot.links().iter().enumerate() {
         let id = LinkId(i);
         let body = Body::of(robot, id);
         let is_wheel = robot.legs().iter().any(|leg| leg.wheel_link == id);
         for placed in &link.shapes {
-            let (shape, turn, form) = match placed.shape {
+            let mut add = |shape: SharedShape, turn: Isometry3<f64>, form: Form| {
+                let link_from_part = placed.link_from_shape * turn;
+                let core = form.core();
+                parts.push(Part { link: id, body, shape, form, core, link_from_part, is_wheel });
+            };
+            let as_is = Isometry3::identity();
+            match placed.shape {
                 Shape::Box { half_extents: h } => {
-                    let shape = SharedShape::cuboid(h.x, h.y, h.z);
-                    (shape, UnitQuaternion::identity(), Form::Box { half: h })
+                    add(SharedShape::cuboid(h.x, h.y, h.z), as_is, Form::Box { half: h });
                 }
                 Shape::Cylinder { radius, half_length: half } => {
                     let shape = SharedShape::cylinder(half, radius);
-                    (shape, upright, Form::Cylinder { radius, half })
+                    add(shape, upright, Form::Cylinder { radius, half });
                 }
                 Shape::Capsule { radius, half_length: half } => {
                     let shape = SharedShape::capsule_y(half, radius);
-                    (shape, upright, Form::Capsule { radius, half })
+                    add(shape, upright, Form::Capsule { radius, half });
                 }
                 Shape::Sphere { radius } => {
-                    let shape = SharedShape::ball(radius);
-                    (shape, UnitQuaternion::identity(), Form::Sphere { radius })
+                    add(SharedShape::ball(radius), as_is, Form::Sphere { radius });
                 }
-            };
-            let link_from_part = placed.link_from_shape * turn;
-            let core = form.core();
-            parts.push(Part { link: id, body, shape, form, core, link_from_part, is_wheel });
+                Shape::Mesh(ref mesh) => {
+                    for points in mesh.components() {
+                        let (shape, place, form) = hull_of(points);
+                        add(shape, place, form);
+                    }
+                }
+            }
         }
     }
     parts
+}
+
+/// The convex hull of a mesh's component about its middle, and where that is on the mesh. Points that
+/// lie in no common plane have a hull; should its computation still fail, their axis-parallel box,
+/// which holds it, takes its place.
+fn hull_of(points: Vec<Point3<f64>>) -> (SharedShape, Isometry3<f64>, Form) {
+    let start = (Point3::from([f64::INFINITY; 3]), Point3::from([f64::NEG_INFINITY; 3]));
+    let (low, high) = points.iter().fold(start, |(low, high), p| (low.inf(p), high.sup(p)));
+    let (half, middle) = ((high - low) * 0.5, nalgebra::center(&low, &high).coords);
+    let corners: Vec<Vector> = points.iter().map(|p| to_parry_point(&(p - middle))).collect();
+    let hull = try_convex_hull(&corners).ok();
+    let solid = hull.and_then(|(points, faces)| ConvexPolyhedron::from_convex_mesh(points, &faces));
+    let (shape, form) = match solid {
+        Some(solid) => {
+            let points = solid.points().iter().map(|p| Point3::new(p.x, p.y, p.z)).collect();
+            (SharedShape::new(solid), Form::Hull { points: Arc::new(points) })
+        }
+        None => (SharedShape::cuboid(half.x, half.y, half.z), Form::Box { half }),
+    };
+    (shape, Isometry3::from(middle), form)
 }
 
 /// The edge to parry: glam poses from nalgebra ones.

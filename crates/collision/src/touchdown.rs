@@ -6,7 +6,7 @@
 //! first. Each wheel is then seated: shifted along z until it just touches.
 
 use nalgebra::{Isometry3, Point2, Point3, Translation3, Unit, Vector3};
-use rover::{IkSolution, LegAngles, LegId, Posture, WheelPose};
+use rover::{IkSolution, LegAngles, LegId, Posture, Robot, WheelPose};
 
 use crate::scene::Scene;
 use crate::wheel::{PATCH_WIDTHS, contact_center, wheel_ground};
@@ -97,8 +97,12 @@ pub fn touchdowns(
     // Orientations by what they promise before the wheel is seated, which is the dear part.
     let mut failure = Failure::default();
     let mut promising: Vec<(f64, WheelPose)> = Vec::new();
-    for yaw in YAWS {
-        for fork_pitch in FORK_PITCHES {
+    // Where the leg cannot choose the orientation, one stands for all.
+    let free = model.ik.fixes_orientation();
+    let (yaws, fork_pitches) =
+        if free { (&YAWS[..], &FORK_PITCHES[..]) } else { (&YAWS[..1], &FORK_PITCHES[..1]) };
+    for &yaw in yaws {
+        for &fork_pitch in fork_pitches {
             let wheel = WheelPose::standing(
                 &model.wheel,
                 place.ground,
@@ -126,6 +130,13 @@ pub fn touchdowns(
         let Some((wheel, contact)) = seat(scene, &wheel, &mut failure) else { continue };
         for solution in failure.solutions(posture, scene, leg, &wheel.world_from_wheel) {
             let angles = solution.angles;
+            let (wheel, contact) = if free {
+                (wheel, contact)
+            } else {
+                let wheel = posture.with_leg(robot, leg, &angles).wheel(robot, leg);
+                let Some(contact) = stands(scene, robot, &wheel, &place) else { continue };
+                (wheel, contact)
+            };
             found.push((cost(&angles, near), Touchdown { place, wheel, contact, angles }));
         }
         if found.len() >= most {
@@ -144,6 +155,22 @@ pub fn touchdowns(
 /// What counts against joint angles (rad): their distance from `near`, and the knee's roll.
 fn cost(angles: &LegAngles, near: &LegAngles) -> f64 {
     (angles - near).amax() + angles[3].abs()
+}
+
+/// Where a wheel touches whose orientation the leg's joints gave it: none if it does not stand there
+/// by the robot's rules. A ball stands wherever it was put.
+fn stands(
+    scene: &Scene,
+    robot: &Robot,
+    wheel: &WheelPose,
+    place: &FootfallPlace,
+) -> Option<Point3<f64>> {
+    let below = wheel_ground(wheel, scene.map(), |_| true);
+    let gap = below.nearest.filter(|_| !below.unknown)?;
+    let rules = robot.stance();
+    let level = wheel.camber(&place.normal) <= rules.camber_limit;
+    (level && gap.gap.abs() <= rules.ground_tolerance)
+        .then(|| contact_center(wheel, scene.map(), &gap))
 }
 
 /// The wheel shifted along z until it just touches, and where it touches.

@@ -1,6 +1,6 @@
-//! A wheel against the height field, without parry: the vertical gap between the two.
+//! A wheel or ball foot against the height field, without parry: the vertical gap of the two.
 //!
-//! The wheel is a solid cylinder and the ground is solid below a surface of triangles, so the
+//! The wheel is a solid cylinder (a foot a ball) and the ground is solid below a surface of triangles, so the
 //! wheel is inside the ground exactly where its lower side lies below the surface at the same
 //! (x, y). The smallest vertical gap tells all: positive above, zero touching, negative inside;
 //! and lifting the wheel by d raises it by d.
@@ -79,6 +79,9 @@ pub fn contact_center(wheel: &WheelPose, map: &ElevationMap, gap: &WheelGap) -> 
         .map(|plane| plane.normal)
         .or_else(|| map.normal_at(gap.ground.xy()))
         .unwrap_or(Vector3::z_axis());
+    if wheel.ball {
+        return gap.ground; // a ball touches in a point
+    }
     let axle = wheel.axle().into_inner();
     let across = normal.into_inner() - axle * normal.dot(&axle);
     let Some(across) = Unit::try_new(across, 1e-9) else { return gap.ground };
@@ -91,11 +94,12 @@ pub fn contact_center(wheel: &WheelPose, map: &ElevationMap, gap: &WheelGap) -> 
 }
 
 fn wheel_is_level(wheel: &WheelPose, normal: &Unit<Vector3<f64>>) -> bool {
-    wheel.camber(normal) <= 1e-6
+    !wheel.ball && wheel.camber(normal) <= 1e-6
 }
 
-/// The wheel as a cylinder in `world`.
+/// The wheel as a cylinder, or the foot as a ball, in `world`.
 struct Cylinder {
+    ball: bool,
     center: Point3<f64>,
     axle: Unit<Vector3<f64>>,
     radius: f64,
@@ -105,6 +109,7 @@ struct Cylinder {
 impl Cylinder {
     fn new(wheel: &WheelPose) -> Cylinder {
         Cylinder {
+            ball: wheel.ball,
             center: wheel.center(),
             axle: wheel.axle(),
             radius: wheel.radius,
@@ -113,14 +118,22 @@ impl Cylinder {
     }
 
     fn footprint(&self) -> (Point2<f64>, Point2<f64>) {
+        if self.ball {
+            let (c, r) = (self.center.xy(), nalgebra::Vector2::repeat(self.radius));
+            return (c - r, c + r);
+        }
         let half = |a: f64| self.radius * (1.0 - a * a).max(0.0).sqrt() + self.half_width * a.abs();
         let (hx, hy) = (half(self.axle.x), half(self.axle.y));
         let c = self.center;
         (Point2::new(c.x - hx, c.y - hy), Point2::new(c.x + hx, c.y + hy))
     }
 
-    /// The lowest z of the cylinder on the vertical line through `p`, if it meets it.
+    /// The lowest z of the solid on the vertical line through `p`, if it meets it.
     fn lower_side(&self, p: Point2<f64>) -> Option<f64> {
+        if self.ball {
+            let square = self.radius * self.radius - (p - self.center.xy()).norm_squared();
+            return (square >= 0.0).then(|| self.center.z - square.sqrt());
+        }
         let a = &self.axle;
         let (dx, dy) = (p.x - self.center.x, p.y - self.center.y);
         // Along the line, s = height above the center: distance from the axle² is quadratic in s,

@@ -156,8 +156,7 @@ impl MaxPyramid {
         let last = (&self.levels[0].nx, &self.levels[0].ny);
         Block {
             min: grid.position(ix << level, iy << level),
-            max: grid
-                .position(((ix + 1) << level).min(*last.0), ((iy + 1) << level).min(*last.1)),
+            max: grid.position(((ix + 1) << level).min(*last.0), ((iy + 1) << level).min(*last.1)),
             top: f64::from(highest[iy * nx + ix]),
         }
     }

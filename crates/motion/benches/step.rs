@@ -16,7 +16,7 @@ fn benches(c: &mut Criterion) {
     let robot = Robot::from_folder(
         &testkit::fixture_text(&format!("{folder}robot.toml")),
         |file| Some(testkit::fixture_text(&format!("{folder}{file}"))),
-        |_| false,
+        |_| None,
     );
     let robot = Arc::new(robot.expect("the fixture loads"));
     let mut start = robot.pose("bent").expect("the fixture has the pose");

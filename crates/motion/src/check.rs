@@ -1,16 +1,35 @@
 //! The final check: whether a step may be offered. Separate from the search on purpose: it walks
-//! the executed motion finer than any planner, asks for distances instead of verdicts, and takes
+//! the executed motion from its beginning to its end, asks exact shapes for distances where the
+//! search asked quick bounds for verdicts, goes on by no more than these distances allow, and takes
 //! stability from the full assessment instead of the search's short cut.
 
-use collision::{Allowance, ContactZone, LegChecker, Scene, Touch, Violation, wheel_ground};
+use collision::{
+    Allowance, ContactZone, Keep, LegChecker, PairDistance, Scene, Survey, Touch, Violation,
+    survey, wheel_ground,
+};
 use nalgebra::Point3;
 use rover::{Configuration, LegAngles, LegId, LinkId, Posture};
 use stability::rule::{self, Preference};
 
 use crate::answer::{Finding, Phase, Waypoint};
 
-/// Distance between the configurations looked at (rad, largest joint): half the planners' ε.
-const STEP: f64 = 0.005;
+/// Most between two configurations looked at (rad, largest joint); stability is looked at as often.
+const STEP: f64 = 0.03;
+
+/// Least between two configurations looked at (rad, largest joint), however near things are.
+const FINEST: f64 = 0.0005;
+
+/// Most between two configurations of a body shift (rad, largest joint).
+const SHIFT_STEP: f64 = 0.005;
+
+/// How far beyond the tolerances distances are asked for (m at scale 1).
+const REACH: f64 = 0.15;
+
+/// How far standing wheels may leave their places in a body shift (m at scale 1).
+const CLOSURE: f64 = 0.0025;
+
+/// What is nearer than its tolerance before a body shift may come nearer by a tenth.
+const AS_NEAR: f64 = 0.9;
 
 /// Distances below the tolerance by rounding alone pass (m).
 const ROUNDING: f64 = 1e-7;
@@ -21,6 +40,8 @@ pub struct CheckContext<'a> {
     pub scene: &'a Scene,
     /// Where the robot is.
     pub start: &'a Configuration,
+    /// Where it is when the leg begins to move: after the body shift, if there is one.
+    pub stepping_from: &'a Configuration,
     /// The leg that steps.
     pub leg: LegId,
     /// The legs that stand all the while, with their contacts in `world` (m).
@@ -29,10 +50,8 @@ pub struct CheckContext<'a> {
     pub gravity: f64,
     /// Which loss of support must be survived.
     pub preference: Preference,
-    /// Clearance from ground and obstacles (m), in place of the robot's.
-    pub environment_tolerance: Option<f64>,
-    /// Clearance of pairs (m), in place of the robot's.
-    pub pair_tolerance: Option<f64>,
+    /// Clearances that are kept.
+    pub keep: Keep,
     /// Where the wheel may touch while it is lifted.
     pub lift_zone: Option<ContactZone>,
     /// ... while it is put down.
@@ -77,89 +96,232 @@ impl<T> Least<T> {
 
 /// Checks a step from the first waypoint to the last.
 pub fn check_step(context: &CheckContext, waypoints: &[Waypoint]) -> CheckReport {
+    let mut seen = Seen::new();
+    let shifts = waypoints.iter().take_while(|w| w.stance.is_some()).count();
+    let shift: Vec<&Waypoint> = waypoints[..shifts].iter().collect();
+    look_along_shift(context, &shift, &mut seen);
+    look_along_leg(context, &waypoints[shifts.saturating_sub(1)..], &mut seen);
+    let mut findings = vec![
+        start_finding(context, waypoints),
+        limits_finding(context, &seen.limits),
+        touch_finding(context, "clearance_links", "links of the robot", &seen.links),
+        touch_finding(context, "clearance_environment", "ground and obstacles", &seen.environment),
+    ];
+    if shifts > 1 {
+        findings.push(closure_finding(context, &seen.closure));
+    }
+    if !context.transit_only {
+        findings.push(margin_finding(context, &seen.regular));
+        findings.push(rule_finding(&seen.rule_spare));
+        findings.push(torque_finding(context, &seen.torque));
+        findings.extend(footfall_finding(context, waypoints));
+    }
+    CheckReport { findings, margins: seen.margins }
+}
+
+/// The least of everything along the way.
+struct Seen {
+    limits: Least<(LegId, usize)>,
+    links: Least<Violation>,
+    environment: Least<Violation>,
+    closure: Least<()>,
+    regular: Least<String>,
+    rule_spare: Least<rule::Verdict>,
+    torque: Least<(LegId, usize)>,
+    margins: Vec<(f64, f64)>,
+}
+
+impl Seen {
+    fn new() -> Seen {
+        Seen {
+            limits: Least::new(),
+            links: Least::new(),
+            environment: Least::new(),
+            closure: Least::new(),
+            regular: Least::new(),
+            rule_spare: Least::new(),
+            torque: Least::new(),
+            margins: Vec::new(),
+        }
+    }
+
+    fn limits_of(&mut self, context: &CheckContext, leg: LegId, angles: &LegAngles, time: f64) {
+        let model = context.scene.robot().leg(leg);
+        for i in 0..model.n_joints() {
+            let spare = (angles[i] - model.lower[i]).min(model.upper[i] - angles[i]);
+            self.limits.take(spare, time, (leg, i));
+        }
+    }
+
+    fn stability_of(
+        &mut self,
+        context: &CheckContext,
+        posture: &Posture,
+        standing: &[(LegId, Point3<f64>)],
+        preference: Preference,
+        time: f64,
+    ) {
+        let robot = context.scene.robot();
+        let report = rule::assess(robot, posture, standing, context.gravity);
+        let verdict = rule::verdict(&report, robot.stance(), preference);
+        if let Ok(support) = &report.regular {
+            self.margins.push((time, support.margin.depth_m));
+            let legs = support.critical.map(|leg| robot.leg(leg).name.clone()).join(" and ");
+            self.regular.take(support.margin.depth_m, time, legs);
+        }
+        let spare = verdict.margin_m.map_or(f64::NEG_INFINITY, |m| m - verdict.required_m);
+        self.rule_spare.take(
+            if verdict.ok { spare.max(0.0) } else { spare.min(-1e-12) },
+            time,
+            verdict,
+        );
+        let worst = report.torque.worst;
+        self.torque.take(1.0 - worst.ratio.abs(), time, (worst.leg, worst.place));
+    }
+}
+
+/// The leg from the end of the shift on: forward, never by more than the clearance seen allows.
+fn look_along_leg(context: &CheckContext, waypoints: &[Waypoint], seen: &mut Seen) {
     let scene = context.scene;
     let robot = scene.robot();
-    let at_rest = Posture::new(robot, context.start);
-    let checker = LegChecker::new(
-        scene,
-        &at_rest,
-        context.leg,
-        context.environment_tolerance,
-        context.pair_tolerance,
-    );
-    let model = robot.leg(context.leg);
+    let at_rest = Posture::new(robot, context.stepping_from);
+    let checker = LegChecker::keeping(scene, &at_rest, context.leg, context.keep.clone());
+    let levers = levers_of(context);
+    let reach = REACH * robot.scale();
     let mut posture = at_rest.clone();
-    let mut limits = Least::new();
-    let mut links: Least<Violation> = Least::new();
-    let mut environment: Least<Violation> = Least::new();
-    let mut regular: Least<String> = Least::new();
-    let mut rule_spare: Least<rule::Verdict> = Least::new();
-    let mut torque: Least<(LegId, usize)> = Least::new();
-    let mut margins = Vec::new();
-
-    for (time, angles, phase) in samples(waypoints) {
-        for i in 0..6 {
-            let spare = (angles[i] - model.lower[i]).min(model.upper[i] - angles[i]);
-            limits.take(spare, time, i);
-        }
-        posture.move_leg(robot, context.leg, &angles);
+    let mut look = |time: f64, angles: &LegAngles, phase: Phase, seen: &mut Seen| -> f64 {
+        seen.limits_of(context, context.leg, angles, time);
+        posture.move_leg(robot, context.leg, angles);
         let zone = match phase {
             Phase::Lift => context.lift_zone.as_ref(),
             Phase::Shift | Phase::Transit => None,
             Phase::Drop | Phase::Preload => context.drop_zone.as_ref(),
         };
-        let clearance =
-            checker.clearance(&posture, Allowance { zone, raised: false }, 0.25 * robot.scale());
+        let allowance = Allowance { zone, buffered: phase == Phase::Transit };
+        let clearance = checker.clearance(&posture, allowance, reach);
+        let mut free = reach;
         if let Some(v) = clearance.links {
-            links.take(v.distance - v.required, time, v);
+            seen.links.take(v.distance - v.required, time, v);
+            free = free.min(v.distance);
         }
         if let Some(v) = clearance.environment {
-            environment.take(v.distance - v.required, time, v);
+            seen.environment.take(v.distance - v.required, time, v);
+            free = free.min(v.distance);
         }
-        if context.transit_only {
-            continue;
+        if !context.transit_only {
+            seen.stability_of(context, &posture, context.standing, context.preference, time);
         }
-        let report = rule::assess(robot, &posture, context.standing, context.gravity);
-        let verdict = rule::verdict(&report, robot.stance(), context.preference);
-        if let Ok(support) = &report.regular {
-            margins.push((time, support.margin.depth_m));
-            let legs = support.critical.map(|leg| robot.leg(leg).name.clone()).join(" and ");
-            regular.take(support.margin.depth_m, time, legs);
+        free
+    };
+    let Some(first) = waypoints.first() else { return };
+    // The first waypoint stands for the phase that begins there, after a shift too.
+    let begins = waypoints.get(1).map_or(first.phase, |next| next.phase);
+    let mut free = look(first.time, &first.angles, begins, seen);
+    for w in waypoints.windows(2) {
+        let (a, b) = (&w[0], &w[1]);
+        let way = (b.angles - a.angles).abs();
+        let (most, whole) = (way.amax(), levers.dot(&way));
+        let mut t = 0.0;
+        while t < 1.0 {
+            // Nothing can be met before some point of the leg has gone as far as was free; where
+            // nearly nothing is free, as near as rounding.
+            let share = if whole > 0.0 { free / whole } else { 1.0 };
+            let (finest, coarsest) = (FINEST / most.max(FINEST), STEP / most.max(STEP));
+            t = (t + share.clamp(finest, coarsest.max(finest))).min(1.0);
+            let angles = a.angles * (1.0 - t) + b.angles * t;
+            free = look(a.time * (1.0 - t) + b.time * t, &angles, b.phase, seen);
         }
-        let spare = verdict.margin_m.map_or(f64::NEG_INFINITY, |m| m - verdict.required_m);
-        rule_spare.take(if verdict.ok { spare.max(0.0) } else { spare.min(-1e-12) }, time, verdict);
-        let worst = report.torque.worst;
-        torque.take(1.0 - worst.ratio.abs(), time, (worst.leg, worst.place));
     }
-
-    let mut findings = vec![
-        start_finding(context, waypoints),
-        limits_finding(context, &limits),
-        touch_finding(context, "clearance_links", "links of the robot", &links),
-        touch_finding(context, "clearance_environment", "ground and obstacles", &environment),
-    ];
-    if !context.transit_only {
-        findings.push(margin_finding(context, &regular));
-        findings.push(rule_finding(&rule_spare));
-        findings.push(torque_finding(context, &torque));
-        findings.extend(footfall_finding(context, waypoints));
-    }
-    CheckReport { findings, margins }
 }
 
-/// Configurations along the way: (time, angles, phase).
-fn samples(waypoints: &[Waypoint]) -> Vec<(f64, LegAngles, Phase)> {
-    let mut samples: Vec<(f64, LegAngles, Phase)> =
-        waypoints.first().map(|w| (w.time, w.angles, w.phase)).into_iter().collect();
-    for w in waypoints.windows(2) {
-        let n = ((w[1].angles - w[0].angles).amax() / STEP).ceil().max(1.0) as usize;
-        for i in 1..=n {
+/// Farthest that any point of the leg can be from each joint's axis (m).
+fn levers_of(context: &CheckContext) -> LegAngles {
+    let robot = context.scene.robot();
+    let leg = robot.leg(context.leg);
+    let mut levers = LegAngles::zeros();
+    let mut beyond = leg.wheel.carrier_from_wheel.translation.vector.norm()
+        + leg.wheel.radius.hypot(leg.wheel.width);
+    for place in (0..6).rev() {
+        let of_link = |link: &rover::Link| {
+            let shape = |s: &rover::LinkShape| {
+                s.link_from_shape.translation.vector.norm() + s.shape.bounding_radius()
+            };
+            link.shapes.iter().map(shape).fold(0.0, f64::max)
+        };
+        beyond = beyond.max(of_link(&robot.links()[leg.links[place].0]));
+        levers[place] = beyond;
+        beyond += robot.joints()[leg.joints[place]].parent_from_joint.translation.vector.norm();
+    }
+    levers
+}
+
+/// The whole robot while the body is shifted.
+fn look_along_shift(context: &CheckContext, waypoints: &[&Waypoint], seen: &mut Seen) {
+    let robot = context.scene.robot();
+    let knots: Vec<(f64, &Configuration)> =
+        waypoints.iter().filter_map(|w| Some((w.time, w.stance.as_ref()?))).collect();
+    let Some((_, first)) = knots.first() else { return };
+    let at_start = survey(context.scene, &Posture::new(robot, first));
+    let contacts = at_start.contacts(context.scene, &Posture::new(robot, first));
+    let legs: Vec<LegId> = contacts.iter().map(|(leg, _)| *leg).collect();
+    for w in knots.windows(2) {
+        let ((from, a), (to, b)) = (w[0], w[1]);
+        let change = a.legs.iter().zip(&b.legs).map(|(a, b)| (b - a).amax()).fold(0.0, f64::max);
+        let n = (change / SHIFT_STEP).ceil().max(1.0) as usize;
+        let closure = crate::shift::closure_error(robot, a, b, &legs);
+        seen.closure.take(CLOSURE * robot.scale() - closure, from, ());
+        for i in 0..=n {
             let t = i as f64 / n as f64;
-            let angles = w[0].angles * (1.0 - t) + w[1].angles * t;
-            samples.push((w[0].time * (1.0 - t) + w[1].time * t, angles, w[1].phase));
+            let time = from * (1.0 - t) + to * t;
+            let here = crate::shift::base_between(robot, a, b, &legs, t);
+            for leg in robot.leg_ids() {
+                seen.limits_of(context, leg, &here.legs[leg.0], time);
+            }
+            let posture = Posture::new(robot, &here);
+            look_at_body(context, &posture, &at_start, seen, time);
+            seen.stability_of(context, &posture, &contacts, Preference::Regular, time);
         }
     }
-    samples
+}
+
+/// Pairs that are nearer than they may be. What already was at the start may stay as near.
+fn look_at_body(
+    context: &CheckContext,
+    posture: &Posture,
+    at_start: &Survey,
+    seen: &mut Seen,
+    time: f64,
+) {
+    let now = survey(context.scene, posture);
+    let violation = |pair: &PairDistance, before: &[PairDistance]| {
+        let was = before.iter().find(|p| p.touch == pair.touch).map(|p| p.distance);
+        let required = was.map_or(pair.tolerance, |was| (AS_NEAR * was).min(pair.tolerance));
+        let place = posture.link(rover::LinkId(0)).translation.vector.into();
+        Violation { touch: pair.touch, distance: pair.distance, required, place }
+    };
+    for pair in &now.links {
+        let v = violation(pair, &at_start.links);
+        seen.links.take(v.distance - v.required, time, v);
+    }
+    for pair in &now.environment {
+        let v = violation(pair, &at_start.environment);
+        seen.environment.take(v.distance - v.required, time, v);
+    }
+}
+
+fn closure_finding(context: &CheckContext, closure: &Least<()>) -> Finding {
+    let allowed = CLOSURE * context.scene.robot().scale();
+    Finding {
+        check: "closure",
+        ok: closure.value >= 0.0,
+        margin: Some(closure.value),
+        place: format!("from {:.1} s", closure.time),
+        detail: format!(
+            "standing wheels leave their places by {:.1} mm at most, {:.1} mm are allowed",
+            1e3 * (allowed - closure.value),
+            1e3 * allowed
+        ),
+    }
 }
 
 fn start_finding(context: &CheckContext, waypoints: &[Waypoint]) -> Finding {
@@ -175,9 +337,9 @@ fn start_finding(context: &CheckContext, waypoints: &[Waypoint]) -> Finding {
     }
 }
 
-fn limits_finding(context: &CheckContext, limits: &Least<usize>) -> Finding {
+fn limits_finding(context: &CheckContext, limits: &Least<(LegId, usize)>) -> Finding {
     let robot = context.scene.robot();
-    let joint = limits.what.map_or("", |i| &robot.joints()[robot.leg(context.leg).joints[i]].name);
+    let joint = limits.what.map_or("", |(leg, i)| &robot.joints()[robot.leg(leg).joints[i]].name);
     Finding {
         check: "joint_limits",
         ok: limits.value >= -1e-9,
@@ -201,7 +363,7 @@ fn touch_finding(
             place: "everywhere".into(),
             detail: format!(
                 "{others} are more than {:.2} m away",
-                0.25 * context.scene.robot().scale()
+                REACH * context.scene.robot().scale()
             ),
         };
     };
@@ -279,7 +441,7 @@ fn footfall_finding(context: &CheckContext, waypoints: &[Waypoint]) -> Option<Fi
     let zone = context.drop_zone.as_ref()?;
     let last = waypoints.last()?;
     let robot = context.scene.robot();
-    let posture = Posture::new(robot, &context.start.with_leg(context.leg, last.angles));
+    let posture = Posture::new(robot, &context.stepping_from.with_leg(context.leg, last.angles));
     let wheel = posture.wheel(robot, context.leg);
     let gap = wheel_ground(&wheel, context.scene.map(), |_| true).nearest;
     let height = gap.map_or(f64::INFINITY, |g| g.gap);
@@ -288,7 +450,11 @@ fn footfall_finding(context: &CheckContext, waypoints: &[Waypoint]) -> Option<Fi
         ok: height.abs() <= zone.ground_tolerance,
         margin: Some(zone.ground_tolerance - height.abs()),
         place: format!("{} on the ground", robot.leg(context.leg).name),
-        detail: format!("the wheel ends {:.1} mm above the ground of the map", 1e3 * height),
+        detail: if height < 0.0 {
+            format!("the wheel ends pressed {:.1} mm into the ground of the map", -1e3 * height)
+        } else {
+            format!("the wheel ends {:.1} mm above the ground of the map", 1e3 * height)
+        },
     })
 }
 

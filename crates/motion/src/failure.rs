@@ -3,7 +3,7 @@
 use collision::{NoTouchdown, Scene, Touch};
 use rover::LegId;
 
-use crate::answer::Outcome;
+use crate::answer::{Constraint, Outcome};
 use crate::check::touch_text;
 use crate::leg_space::Blocked;
 use crate::line::LineError;
@@ -14,11 +14,30 @@ pub(crate) struct Failure {
     pub outcome: Outcome,
     pub reason: String,
     pub rank: u8,
+    pub constraint: Option<Constraint>,
 }
 
 impl Failure {
     pub fn new(rank: u8, outcome: Outcome, reason: impl Into<String>) -> Failure {
-        Failure { outcome, reason: reason.into(), rank }
+        Failure { outcome, reason: reason.into(), rank, constraint: None }
+    }
+
+    /// The same, with what is in the way and how much is missing (m or rad by `unit`).
+    pub fn by(self, name: &'static str, missing: Option<f64>, unit: &'static str) -> Failure {
+        Failure { constraint: Some(Constraint { name, missing, unit }), ..self }
+    }
+
+    /// The same, in the way of which is this.
+    pub fn by_blocked(self, blocked: &Blocked) -> Failure {
+        match blocked {
+            Blocked::Touch(v) => match v.touch {
+                Touch::UnknownGround(_) => self.by("unknown_ground", None, "m"),
+                _ => self.by("clearance", Some(v.required - v.distance), "m"),
+            },
+            Blocked::Grazing => self.by("clearance", None, "m"),
+            Blocked::Unstable(missing) => self.by("stability", Some(*missing), "m"),
+            Blocked::Limits => self.by("joint_limits", None, "rad"),
+        }
     }
 
     /// The one that happened later in the work.
@@ -65,7 +84,12 @@ impl Teller<'_> {
         };
         let text =
             format!("the wheel can be {doing} by {height:.2} m of {:.2} m, then {why}", self.lift);
-        Failure::new(rank, Outcome::NoLift, text)
+        let failure = Failure::new(rank, Outcome::NoLift, text);
+        if distance > 0.0 {
+            failure.by("reach", Some(distance), "m")
+        } else {
+            failure.by("joint_limits", None, "rad")
+        }
     }
 
     /// What stands in the way.
@@ -77,7 +101,10 @@ impl Teller<'_> {
                 v.distance,
                 v.required
             ),
-            Blocked::Unstable => "the margin rule does not hold".into(),
+            Blocked::Unstable(missing) => {
+                format!("the margin rule does not hold, {missing:.3} m are missing")
+            }
+            Blocked::Grazing => "the leg passes too near to something to be certified".into(),
             Blocked::Limits => "a joint is beyond its limits".into(),
         }
     }
@@ -85,6 +112,12 @@ impl Teller<'_> {
     /// No wheel can be put down at the target.
     pub fn no_touchdown(&self, none: NoTouchdown) -> Failure {
         let leg = self.leg_name();
+        let (name, missing, unit) = match none {
+            NoTouchdown::UnknownGround => ("unknown_ground", None, "m"),
+            NoTouchdown::Uneven { shift } => ("ground", Some(shift), "m"),
+            NoTouchdown::OutOfReach { distance } => ("reach", Some(distance), "m"),
+            NoTouchdown::JointLimits { overrun } => ("joint_limits", Some(overrun), "rad"),
+        };
         let (outcome, text) = match none {
             NoTouchdown::UnknownGround => (
                 Outcome::UnknownGround,
@@ -105,15 +138,15 @@ impl Teller<'_> {
                 ),
             ),
         };
-        Failure::new(3, outcome, text)
+        Failure::new(3, outcome, text).by(name, missing, unit)
     }
 }
 
 /// The outcome that what is in the way stands for; `otherwise` for a plain touch or limit.
 pub(crate) fn outcome_of(blocked: &Blocked, otherwise: Outcome) -> Outcome {
     match blocked {
-        Blocked::Unstable => Outcome::Unstable,
+        Blocked::Unstable(_) => Outcome::Unstable,
         Blocked::Touch(v) if matches!(v.touch, Touch::UnknownGround(_)) => Outcome::UnknownGround,
-        Blocked::Touch(_) | Blocked::Limits => otherwise,
+        Blocked::Touch(_) | Blocked::Limits | Blocked::Grazing => otherwise,
     }
 }

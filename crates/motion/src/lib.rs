@@ -4,24 +4,38 @@
 //! cancellation come in through a [`Watch`]. Outcomes are answers, not errors. Frame `world`,
 //! meters, radians, seconds.
 //!
-//! - [`plan_step`]: lift, transit and drop of one leg (F75), or its transit alone.
-//! - [`sbl`]: the planner as published (F68-F74); [`smooth`]: Dijkstra and bisection (F77-F79).
+//! - [`plan_step`]: body shift, lift, transit and drop of one leg (F75), or its transit alone.
+//! - [`planner`]: the planners behind one trait (F60): [`astar`], [`sbl`], [`rrt_connect`].
+//! - [`smooth`]: Dijkstra and bisection as published (F77-F79), then a taut string.
+//! - [`shift`]: the body over its planted feet, before a leg is lifted.
+//! - [`timing`]: when each knot is passed, as fast as joints and stability allow.
 //! - [`check`]: the final check, which alone decides whether a step may be offered.
 
 mod answer;
+pub mod astar;
 pub mod check;
 mod failure;
 mod leg_space;
 pub mod line;
+mod nearest;
+pub mod planner;
+pub mod rrt_connect;
 pub mod sbl;
+pub mod shift;
 pub mod smooth;
 pub mod space;
 mod step;
+pub mod timing;
+mod transit;
 mod watch;
 
 pub use answer::{
     Buffers, Constraint, EdgeRule, Finding, Footfall, Outcome, PathPlanner, Phase, Planner,
     Statistics, StepAnswer, StepRequest, Target, Waypoint,
 };
+pub use shift::{
+    BodyClear, NoShift, SampledBody, ShiftPlan, ShiftRequest, base_between, plan_shift,
+};
 pub use step::plan_step;
+pub use timing::{TimedPath, TimedPiece, TimingError, TimingLimits, time_body_path, time_leg_path};
 pub use watch::{Stage, Stopped, Unwatched, Watch};

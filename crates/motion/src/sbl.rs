@@ -6,25 +6,34 @@
 //! trees exists, worst first, and what was tested is kept as a score. A segment that turns out to
 //! be blocked moves the milestones beyond it to the other tree.
 //!
-//! The result depends on the space, the parameters and the random numbers alone. Failure after
-//! `max_milestones` is no proof that there is no path (F73, F74).
+//! Where the space samples its edges, a segment is free when its tested pieces are no longer than
+//! ε, as published. Where it certifies them, the points of the first scores serve to turn blocked
+//! segments down cheaply; then the certificate decides, once and for good.
+//!
+//! The result depends on the space and the query alone. Failure within the work budget is no proof
+//! that there is no path (F73, F74).
 
-use std::collections::BTreeMap;
+mod tree;
 
-use rand::{Rng, RngExt};
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use rover::LegAngles;
 
-use crate::space::{Space, distance};
-use crate::watch::{Stopped, Watch};
+use crate::answer::PathPlanner;
+use crate::planner::{Meter, PathSearch, Query, Search, SearchOutcome};
+use crate::space::{Space, WheelSpace, distance, middles_are_free, sample_between};
+use crate::watch::Watch;
+use tree::Tree;
 
-/// Parameters of SBL (F68).
+/// Parameters of SBL in a request (F68).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SblOptions {
     /// Most milestones before giving up, s.
     pub max_milestones: usize,
     /// Closeness threshold (rad, largest joint), ρ.
     pub closeness: f64,
-    /// Resolution at which a segment counts as tested (rad, largest joint), ε.
+    /// Resolution at which a sampled segment counts as tested (rad, largest joint), ε; a space
+    /// made for the request carries it.
     pub epsilon: f64,
 }
 
@@ -34,90 +43,77 @@ impl Default for SblOptions {
     }
 }
 
-/// How a search ended.
-#[derive(Debug, Clone, PartialEq)]
-pub enum SblOutcome {
-    /// A path from start to goal, both included, free at resolution ε.
-    Found(Vec<LegAngles>),
-    /// No path after the given number of milestones; there may be one.
-    NotFound,
-    /// Stopped from outside.
-    Stopped(Stopped),
+/// The planner, with its closeness threshold.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sbl {
+    /// Closeness threshold (rad, largest joint), ρ.
+    pub closeness: f64,
 }
 
-/// The outcome and the work it took.
-#[derive(Debug, Clone, PartialEq)]
-pub struct SblResult {
-    /// How the search ended.
-    pub outcome: SblOutcome,
-    /// Milestones made, start and goal included.
-    pub n_milestones: usize,
+impl Default for Sbl {
+    fn default() -> Sbl {
+        Sbl { closeness: SblOptions::default().closeness }
+    }
 }
 
-/// Side of the cells in which milestone density is counted (rad), over the first three joints.
-const DENSITY_CELL: f64 = 0.2;
+impl PathSearch for Sbl {
+    fn name(&self) -> PathPlanner {
+        PathPlanner::Sbl
+    }
+
+    fn search(&self, space: &mut dyn WheelSpace, query: &Query, watch: &mut dyn Watch) -> Search {
+        plan(space, query, self.closeness, watch)
+    }
+}
 
 /// Samples tried around one milestone before another is picked.
 const SAMPLES_PER_PICK: u32 = 16;
 
-/// Searches a path from `start` to `goal`, both of which must be free.
-pub fn plan(
-    space: &mut impl Space,
-    start: LegAngles,
-    goal: LegAngles,
-    options: &SblOptions,
-    rng: &mut impl Rng,
-    watch: &mut impl Watch,
-) -> SblResult {
-    let mut search = Search {
-        options: *options,
+/// Score of a segment whose certificate was given.
+const CERTIFIED: u32 = u32::MAX;
+
+/// Score from which on a certificate is tried: 2^2 + 1 points have been looked at.
+const SCORE_TO_CERTIFY: u32 = 2;
+
+/// Searches a path with SBL of closeness ρ (rad, largest joint).
+pub fn plan(space: &mut dyn Space, query: &Query, closeness: f64, watch: &mut dyn Watch) -> Search {
+    let mut growth = Growth {
+        closeness,
+        max_milestones: query.max_nodes,
+        epsilon: space.epsilon(),
         milestones: Vec::new(),
         trees: [Tree::default(), Tree::default()],
+        meter: Meter::new(space, query),
     };
-    search.add(start, 0, None);
-    search.add(goal, 1, None);
-    // The goal is the newest milestone: perhaps a bridge spans the whole way at once.
-    let mut newest = 1;
-    loop {
-        if let Some(stopped) = watch.stopped() {
-            return search.end(SblOutcome::Stopped(stopped));
-        }
-        if let Some(path) = search.connect(space, newest) {
-            return search.end(SblOutcome::Found(path));
-        }
-        if search.milestones.len() >= options.max_milestones {
-            return search.end(SblOutcome::NotFound);
-        }
-        newest = match search.expand(space, rng, watch) {
-            Ok(milestone) => milestone,
-            Err(outcome) => return search.end(outcome),
-        };
-    }
+    let outcome = match growth.run(space, query, watch) {
+        Ok(path) => SearchOutcome::Found(path),
+        Err(end) => end,
+    };
+    let n_milestones = growth.milestones.len();
+    growth.meter.end(space, outcome, n_milestones)
 }
 
 struct Milestone {
     angles: LegAngles,
     tree: usize,
+    /// Place in the flat arrays of the tree.
+    slot: usize,
     parent: Option<usize>,
     children: Vec<usize>,
     /// Score κ of the segment to the parent: 2^κ + 1 of its points have been checked.
     score: u32,
 }
 
-/// Milestones of one tree by cell, so that crowded cells are not picked more often (F70).
-#[derive(Default)]
-struct Tree {
-    cells: Vec<Vec<usize>>,
-    cell_of: BTreeMap<[i64; 3], usize>,
-}
-
-struct Search {
-    options: SblOptions,
+struct Growth {
+    closeness: f64,
+    max_milestones: usize,
+    epsilon: Option<f64>,
     milestones: Vec<Milestone>,
     trees: [Tree; 2],
+    meter: Meter,
 }
 
-/// A piece of a path under test: two milestones, the score, and whether it is the bridge.
+/// A piece of a path under test: two milestones, the score κ and the length (rad, largest joint).
 struct Segment {
     from: usize,
     to: usize,
@@ -125,115 +121,159 @@ struct Segment {
     length: f64,
 }
 
-impl Search {
-    fn end(self, outcome: SblOutcome) -> SblResult {
-        SblResult { outcome, n_milestones: self.milestones.len() }
+impl Segment {
+    /// Length of the pieces between points looked at.
+    fn untested(&self) -> f64 {
+        if self.score == CERTIFIED { 0.0 } else { self.length / f64::powi(2.0, self.score as i32) }
+    }
+}
+
+impl Growth {
+    fn run(
+        &mut self,
+        space: &mut dyn Space,
+        query: &Query,
+        watch: &mut dyn Watch,
+    ) -> Result<Vec<LegAngles>, SearchOutcome> {
+        let mut rng = ChaCha8Rng::seed_from_u64(query.seed);
+        self.add(query.start, 0, None);
+        // The goal is the newest milestone: perhaps a bridge spans the whole way at once.
+        let mut newest = self.add(query.goal, 1, None);
+        loop {
+            self.meter.must_end(space, watch).map_or(Ok(()), Err)?;
+            if let Some(path) = self.connect(space, newest, watch)? {
+                return Ok(path);
+            }
+            if self.milestones.len() >= self.max_milestones {
+                return Err(SearchOutcome::NotFound { exhausted: false });
+            }
+            newest = self.expand(space, &mut rng, watch)?;
+        }
     }
 
     fn add(&mut self, angles: LegAngles, tree: usize, parent: Option<usize>) -> usize {
         let index = self.milestones.len();
-        self.milestones.push(Milestone { angles, tree, parent, children: Vec::new(), score: 0 });
+        let slot = self.trees[tree].insert(index, &angles);
+        let children = Vec::new();
+        self.milestones.push(Milestone { angles, tree, slot, parent, children, score: 0 });
         if let Some(parent) = parent {
             self.milestones[parent].children.push(index);
         }
-        self.trees[tree].insert(index, &angles);
         index
     }
 
     /// EXPAND-TREE: a new milestone near one picked against the local density.
     fn expand(
         &mut self,
-        space: &mut impl Space,
+        space: &mut dyn Space,
         rng: &mut impl Rng,
-        watch: &mut impl Watch,
-    ) -> Result<usize, SblOutcome> {
+        watch: &mut dyn Watch,
+    ) -> Result<usize, SearchOutcome> {
         // Bounded: where nothing near any milestone is free, the search must end too.
-        for _ in 0..self.options.max_milestones {
-            if let Some(stopped) = watch.stopped() {
-                return Err(SblOutcome::Stopped(stopped));
-            }
+        for _ in 0..self.max_milestones {
             let tree = usize::from(rng.random_bool(0.5));
             let picked = self.trees[tree].pick(rng);
             let center = self.milestones[picked].angles;
             for i in 1..=SAMPLES_PER_PICK {
-                let radius = self.options.closeness / f64::from(i);
-                let sample = center.map(|q| q + rng.random_range(-radius..=radius));
-                let inside = sample >= *space.lower() && sample <= *space.upper();
-                if inside && space.is_free(&sample) {
+                self.meter.must_end(space, watch).map_or(Ok(()), Err)?;
+                let radius = self.closeness / f64::from(i);
+                let lower = center.add_scalar(-radius).sup(space.lower());
+                let upper = center.add_scalar(radius).inf(space.upper());
+                let sample = sample_between(&lower, &upper, rng);
+                if space.is_free(&sample) {
                     return Ok(self.add(sample, tree, Some(picked)));
                 }
             }
         }
-        Err(SblOutcome::NotFound)
+        Err(SearchOutcome::NotFound { exhausted: false })
     }
 
     /// CONNECT-TREES: a bridge from the newest milestone to the nearest of the other tree, and the
     /// test of the path it makes.
-    fn connect(&mut self, space: &mut impl Space, newest: usize) -> Option<Vec<LegAngles>> {
+    fn connect(
+        &mut self,
+        space: &mut dyn Space,
+        newest: usize,
+        watch: &mut dyn Watch,
+    ) -> Result<Option<Vec<LegAngles>>, SearchOutcome> {
         let here = &self.milestones[newest];
-        let (near, gap) = self
-            .milestones
-            .iter()
-            .enumerate()
-            .filter(|(_, other)| other.tree != here.tree)
-            .map(|(i, other)| (i, distance(&here.angles, &other.angles)))
-            .min_by(|a, b| a.1.total_cmp(&b.1))?;
-        if gap > self.options.closeness {
-            return None;
-        }
+        let other = &self.trees[1 - here.tree];
+        let near = other.nearest(&here.angles);
+        let Some((near, _)) = near.filter(|(_, gap)| *gap <= self.closeness) else {
+            return Ok(None);
+        };
         let (a, b) = if here.tree == 0 { (newest, near) } else { (near, newest) };
-        self.test_path(space, a, b)
+        self.test_path(space, a, b, watch)
     }
 
     /// TEST-PATH over the path through the bridge from `a` (start's tree) to `b` (goal's tree).
-    fn test_path(&mut self, space: &mut impl Space, a: usize, b: usize) -> Option<Vec<LegAngles>> {
+    fn test_path(
+        &mut self,
+        space: &mut dyn Space,
+        a: usize,
+        b: usize,
+        watch: &mut dyn Watch,
+    ) -> Result<Option<Vec<LegAngles>>, SearchOutcome> {
         let mut path: Vec<usize> = self.to_root(a);
         path.reverse();
         let bridge = path.len() - 1;
         path.extend(self.to_root(b));
-        let mut segments: Vec<Segment> = path
-            .windows(2)
-            .enumerate()
-            .map(|(i, w)| Segment {
-                from: w[0],
-                to: w[1],
-                score: match i.cmp(&bridge) {
-                    std::cmp::Ordering::Less => self.milestones[w[1]].score,
-                    std::cmp::Ordering::Equal => 0,
-                    std::cmp::Ordering::Greater => self.milestones[w[0]].score,
-                },
-                length: distance(&self.milestones[w[0]].angles, &self.milestones[w[1]].angles),
-            })
-            .collect();
-        loop {
-            // The segment whose untested pieces are longest is the likeliest to be blocked.
-            let untested = |s: &Segment| s.length / f64::powi(2.0, s.score as i32);
-            let (worst, gap) = segments
-                .iter()
-                .enumerate()
-                .map(|(i, s)| (i, untested(s)))
-                .max_by(|x, y| x.1.total_cmp(&y.1).then(y.0.cmp(&x.0)))?;
-            if gap <= self.options.epsilon {
-                self.keep_scores(&segments, bridge);
-                return Some(path.iter().map(|i| self.milestones[*i].angles).collect());
+        let mut segments = self.segments(&path, bridge);
+        while let Some(worst) = self.worst(&segments) {
+            if let Some(end) = self.meter.must_end(space, watch) {
+                return Err(end);
             }
-            if !self.test_segment(space, &segments[worst]) {
-                self.keep_scores(&segments, bridge);
-                self.remove(&path, worst, bridge, segments[bridge].score);
-                return None;
+            match self.test_segment(space, &segments[worst]) {
+                Some(score) => segments[worst].score = score,
+                None => {
+                    self.keep_scores(&segments, bridge);
+                    self.remove(&path, worst, bridge, segments[bridge].score);
+                    return Ok(None);
+                }
             }
-            segments[worst].score += 1;
         }
+        Ok(Some(path.iter().map(|i| self.milestones[*i].angles).collect()))
     }
 
-    /// TEST-SEGMENT: the middles of the 2^κ pieces tested so far.
-    fn test_segment(&self, space: &mut impl Space, segment: &Segment) -> bool {
-        let (a, b) = (&self.milestones[segment.from].angles, &self.milestones[segment.to].angles);
-        let pieces = f64::powi(2.0, segment.score as i32);
-        (0..1_u64 << segment.score).all(|i| {
-            let t = (i as f64 + 0.5) / pieces;
-            space.is_free(&(a * (1.0 - t) + b * t))
+    fn segments(&self, path: &[usize], bridge: usize) -> Vec<Segment> {
+        let segment = |(i, w): (usize, &[usize])| {
+            let (from, to) = (&self.milestones[w[0]], &self.milestones[w[1]]);
+            let score = match i.cmp(&bridge) {
+                std::cmp::Ordering::Less => to.score,
+                std::cmp::Ordering::Equal => 0,
+                std::cmp::Ordering::Greater => from.score,
+            };
+            let length = distance(&from.angles, &to.angles);
+            Segment { from: w[0], to: w[1], score, length }
+        };
+        path.windows(2).enumerate().map(segment).collect()
+    }
+
+    /// The segment to test next: the one whose untested pieces are longest is the likeliest to be
+    /// blocked. Certificates come after all cheap tests. `None` when all are done.
+    fn worst(&self, segments: &[Segment]) -> Option<usize> {
+        let is_open = |s: &Segment| match self.epsilon {
+            Some(epsilon) => s.untested() > epsilon,
+            None => s.score != CERTIFIED,
+        };
+        let is_cheap = |s: &Segment| self.epsilon.is_some() || s.score < SCORE_TO_CERTIFY;
+        let open = segments.iter().enumerate().filter(|(_, s)| is_open(s));
+        open.max_by(|(i, x), (j, y)| {
+            let by_cost = is_cheap(x).cmp(&is_cheap(y));
+            by_cost.then(x.untested().total_cmp(&y.untested())).then(j.cmp(i))
         })
+        .map(|(i, _)| i)
+    }
+
+    /// TEST-SEGMENT: the middles of the 2^κ pieces tested so far, or the certificate. The new
+    /// score, or `None` if the segment is blocked.
+    fn test_segment(&mut self, space: &mut dyn Space, segment: &Segment) -> Option<u32> {
+        let (a, b) = (&self.milestones[segment.from].angles, &self.milestones[segment.to].angles);
+        self.meter.n_edges += u64::from(segment.score == 0);
+        if self.epsilon.is_none() && segment.score >= SCORE_TO_CERTIFY {
+            return space.edge_is_free(a, b).then_some(CERTIFIED);
+        }
+        middles_are_free(space, a, b, segment.score).then_some(segment.score + 1)
     }
 
     fn keep_scores(&mut self, segments: &[Segment], bridge: usize) {
@@ -281,64 +321,32 @@ impl Search {
         let tree = self.milestones[anchor].tree;
         let mut moved = vec![chain[chain.len() - 1]];
         while let Some(i) = moved.pop() {
-            let angles = self.milestones[i].angles;
-            self.trees[1 - tree].remove(i, &angles);
-            self.trees[tree].insert(i, &angles);
-            self.milestones[i].tree = tree;
+            self.move_to(tree, i);
             moved.extend(&self.milestones[i].children);
         }
     }
-}
 
-impl Tree {
-    fn key(angles: &LegAngles) -> [i64; 3] {
-        [0, 1, 2].map(|i| (angles[i] / DENSITY_CELL).floor() as i64)
-    }
-
-    fn insert(&mut self, milestone: usize, angles: &LegAngles) {
-        let cell = *self.cell_of.entry(Tree::key(angles)).or_insert_with(|| {
-            self.cells.push(Vec::new());
-            self.cells.len() - 1
-        });
-        self.cells[cell].push(milestone);
-    }
-
-    fn remove(&mut self, milestone: usize, angles: &LegAngles) {
-        let key = Tree::key(angles);
-        let Some(&cell) = self.cell_of.get(&key) else { return };
-        self.cells[cell].retain(|m| *m != milestone);
-        if !self.cells[cell].is_empty() {
-            return;
+    fn move_to(&mut self, tree: usize, milestone: usize) {
+        let (angles, slot) = (self.milestones[milestone].angles, self.milestones[milestone].slot);
+        if let Some(last) = self.trees[1 - tree].remove(milestone, &angles, slot) {
+            self.milestones[last].slot = slot;
         }
-        self.cell_of.remove(&key);
-        self.cells.swap_remove(cell);
-        let last = self.cells.len();
-        if let Some(moved) = self.cell_of.values_mut().find(|c| **c == last) {
-            *moved = cell;
-        }
-    }
-
-    /// A cell at random, then a milestone in it: probability against the local density. A tree
-    /// always holds its root.
-    fn pick(&self, rng: &mut impl Rng) -> usize {
-        let cell = &self.cells[rng.random_range(0..self.cells.len())];
-        cell[rng.random_range(0..cell.len())]
+        self.milestones[milestone].slot = self.trees[tree].insert(milestone, &angles);
+        self.milestones[milestone].tree = tree;
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use rand::SeedableRng;
-    use rand_chacha::ChaCha8Rng;
-
     use super::*;
+    use crate::space::edge_is_sampled_free;
     use crate::watch::Unwatched;
 
-    /// A wall at joint 1 = 0 with a gap where joint 2 is above 0.8.
+    /// A closed wall at joint 1 = 0, thinner than most segments are long.
     struct Wall {
         lower: LegAngles,
         upper: LegAngles,
-        open: bool,
+        n_checked: u64,
     }
 
     impl Space for Wall {
@@ -349,69 +357,46 @@ mod tests {
             &self.upper
         }
         fn is_free(&mut self, q: &LegAngles) -> bool {
-            q[0].abs() > 0.05 || (self.open && q[1] > 0.8)
+            self.n_checked += 1;
+            q[0].abs() > 0.05
+        }
+        fn edge_is_free(&mut self, a: &LegAngles, b: &LegAngles) -> bool {
+            edge_is_sampled_free(self, a, b, 0.01)
+        }
+        fn epsilon(&self) -> Option<f64> {
+            Some(0.01)
+        }
+        fn n_checked(&self) -> u64 {
+            self.n_checked
         }
     }
 
-    fn search(open: bool, seed: u64) -> SblResult {
-        let mut space = Wall {
-            lower: LegAngles::from_element(-1.0),
-            upper: LegAngles::from_element(1.0),
-            open,
-        };
+    #[test]
+    fn milestones_that_change_trees_keep_all_records_in_step() {
+        let lower = LegAngles::from_element(-1.0);
+        let mut space = Wall { lower, upper: -lower, n_checked: 0 };
         let (mut start, mut goal) = (LegAngles::zeros(), LegAngles::zeros());
         (start[0], goal[0]) = (-0.5, 0.5);
-        let options = SblOptions { max_milestones: 3_000, ..SblOptions::default() };
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        plan(&mut space, start, goal, &options, &mut rng, &mut Unwatched)
-    }
-
-    #[test]
-    fn the_way_through_a_gap_is_found_for_every_seed_and_is_free() {
-        for seed in 0..40 {
-            let SblOutcome::Found(path) = search(true, seed).outcome else {
-                panic!("seed {seed} found nothing");
-            };
-            for w in path.windows(2) {
-                let n = (distance(&w[0], &w[1]) / 0.01).ceil().max(1.0) as usize;
-                let crossing = (0..=n).map(|i| w[0] + (w[1] - w[0]) * (i as f64 / n as f64));
-                // Between two points checked 0.01 apart a crossing may cut a corner by that much.
-                for q in crossing {
-                    assert!(q[0].abs() > 0.04 || q[1] > 0.79, "seed {seed}: {q}");
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn a_closed_wall_ends_with_the_work_budget() {
-        let result = search(false, 1);
-        assert_eq!(result.outcome, SblOutcome::NotFound);
-        assert_eq!(result.n_milestones, 3_000);
-    }
-
-    #[test]
-    fn the_same_seed_gives_the_same_path() {
-        assert_eq!(search(true, 5), search(true, 5));
-        assert_ne!(search(true, 5), search(true, 6));
-    }
-
-    #[test]
-    fn a_stop_ends_the_search_and_says_why() {
-        struct AtOnce;
-        impl Watch for AtOnce {
-            fn stopped(&mut self) -> Option<Stopped> {
-                Some(Stopped::Deadline)
-            }
-        }
-        let mut space = Wall {
-            lower: LegAngles::from_element(-1.0),
-            upper: LegAngles::from_element(1.0),
-            open: true,
+        let (seed, budget, max_nodes) = (1, u64::MAX, 2_000);
+        let query = Query { start, goal, seed, budget, max_nodes, cell: 0.2 };
+        let mut growth = Growth {
+            closeness: 0.5,
+            max_milestones: max_nodes,
+            epsilon: space.epsilon(),
+            milestones: Vec::new(),
+            trees: [Tree::default(), Tree::default()],
+            meter: Meter::new(&space, &query),
         };
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let (start, goal) = (LegAngles::from_element(-0.5), LegAngles::from_element(0.5));
-        let result = plan(&mut space, start, goal, &SblOptions::default(), &mut rng, &mut AtOnce);
-        assert_eq!(result.outcome, SblOutcome::Stopped(Stopped::Deadline));
+        assert!(growth.run(&mut space, &query, &mut Unwatched).is_err());
+        for (i, milestone) in growth.milestones.iter().enumerate() {
+            let tree = &growth.trees[milestone.tree];
+            assert!(tree.holds(i, &milestone.angles, milestone.slot));
+            for child in &milestone.children {
+                assert_eq!(growth.milestones[*child].parent, Some(i));
+                assert_eq!(growth.milestones[*child].tree, milestone.tree);
+            }
+            assert_eq!(growth.to_root(i).last(), Some(&milestone.tree), "each hangs on its root");
+        }
+        assert_eq!(growth.trees[0].len() + growth.trees[1].len(), 2_000);
     }
 }

@@ -12,6 +12,8 @@ pub enum Stopped {
 /// What a planner is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {
+    /// Looks for a shift of the body.
+    Shift,
     /// Looks for ways to put the wheel down.
     Footfall,
     /// Searches a path.

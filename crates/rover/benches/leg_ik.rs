@@ -11,7 +11,7 @@ fn load() -> Robot {
     Robot::from_folder(
         &testkit::fixture_text(&format!("{folder}robot.toml")),
         |file| Some(testkit::fixture_text(&format!("{folder}{file}"))),
-        |_| false,
+        |_| None,
     )
     .expect("the fixture loads")
 }

@@ -3,9 +3,10 @@
 //! The same forward kinematics as [`Posture`] (tests hold them together), as matrices, for the
 //! planners' inner loops; and how far a point of the leg can get when the joints move a little.
 
+use arrayvec::ArrayVec;
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Unit, UnitQuaternion, Vector3};
 
-use crate::model::{LegId, LinkId, Robot};
+use crate::model::{JointKind, LegId, LinkId, Robot};
 use crate::posture::{LegAngles, Posture};
 
 /// A rigid pose as matrix and origin: `p_outer = rotation * p_inner + origin`.
@@ -54,14 +55,14 @@ impl From<&Isometry3<f64>> for Frame {
     }
 }
 
-/// Places of a leg.
+/// Places of a leg; a leg of fewer joints is padded.
 const PLACES: usize = 6;
 
 /// A leg whose base stands: joint angles in, link frames out.
 #[derive(Debug, Clone)]
 pub struct LegChain {
     world_from_parent: Frame,
-    joints: [ChainJoint; PLACES],
+    joints: ArrayVec<ChainJoint, PLACES>,
     /// Mass (kg) and first moment (kg m, in the link's frame) that each link of the leg carries.
     masses: [(f64, Vector3<f64>); PLACES],
     /// First moment of the rest of the robot in `world` (kg m).
@@ -76,6 +77,8 @@ struct ChainJoint {
     origin: Vector3<f64>,
     rotation: Option<Matrix3<f64>>,
     axis: Axis,
+    /// Longest way of a prismatic joint from zero (m); none for one that turns.
+    stroke: Option<f64>,
 }
 
 /// A joint's axis: along a coordinate axis (which is quick) or not.
@@ -89,17 +92,18 @@ enum Axis {
 /// Where the links of a leg are in `world`, and the axes that they turn about.
 #[derive(Debug, Clone, Copy)]
 pub struct LegFrames {
-    /// By place from the hip outward.
+    /// By place from the hip outward; beyond the last joint the last link again.
     pub links: [Frame; PLACES],
     /// Direction of each joint's axis; the axis goes through the origin of its link.
     pub axes: [Vector3<f64>; PLACES],
+    /// True for prismatic joints.
+    pub slides: [bool; PLACES],
 }
 
 impl LegChain {
     /// Prepares `leg` with the rest of the robot as in `posture`.
     pub fn new(robot: &Robot, posture: &Posture, leg: LegId) -> LegChain {
         let model = robot.leg(leg);
-        let first = &robot.joints()[model.joints[0]];
         let mut masses = [(0.0, Vector3::zeros()); PLACES];
         let mut fixed_moment = Vector3::zeros();
         let mut total_mass = 0.0;
@@ -113,19 +117,22 @@ impl LegChain {
                 None => fixed_moment += (posture.link(LinkId(i)) * link.com).coords * link.mass,
             }
         }
-        let joints = model.joints.map(|j| {
-            let joint = &robot.joints()[j];
-            let turned = joint.parent_from_joint.rotation.angle() > 0.0;
+        let in_a_row = robot.chain_of(model);
+        let joints = in_a_row.joints.iter().enumerate().map(|(place, joint)| {
+            let link_from_joint = &joint.link_from_joint;
+            let turned = link_from_joint.rotation.angle() > 0.0;
+            let slides = joint.kind == JointKind::Prismatic;
             ChainJoint {
-                origin: joint.parent_from_joint.translation.vector,
+                origin: link_from_joint.translation.vector,
                 rotation: turned
-                    .then(|| joint.parent_from_joint.rotation.to_rotation_matrix().into_inner()),
+                    .then(|| link_from_joint.rotation.to_rotation_matrix().into_inner()),
                 axis: Axis::of(&joint.axis),
+                stroke: slides.then(|| model.lower[place].abs().max(model.upper[place].abs())),
             }
         });
         let mut chain = LegChain {
-            world_from_parent: Frame::from(posture.link(first.parent)),
-            joints,
+            world_from_parent: Frame::from(posture.link(LinkId(0))),
+            joints: joints.collect(),
             masses,
             fixed_moment,
             total_mass,
@@ -139,15 +146,22 @@ impl LegChain {
     pub fn frames(&self, angles: &LegAngles) -> LegFrames {
         let mut links = [Frame::identity(); PLACES];
         let mut axes = [Vector3::zeros(); PLACES];
+        let mut slides = [false; PLACES];
         let mut parent = self.world_from_parent;
         for (place, joint) in self.joints.iter().enumerate() {
             let origin = parent.rotation * joint.origin + parent.origin;
             let still = joint.rotation.map_or(parent.rotation, |r| parent.rotation * r);
             axes[place] = joint.axis.direction(&still);
-            links[place] = Frame { rotation: joint.axis.turn(&still, angles[place]), origin };
+            slides[place] = joint.stroke.is_some();
+            links[place] = if slides[place] {
+                Frame { rotation: still, origin: origin + axes[place] * angles[place] }
+            } else {
+                Frame { rotation: joint.axis.turn(&still, angles[place]), origin }
+            };
             parent = links[place];
         }
-        LegFrames { links, axes }
+        links[self.joints.len()..].fill(parent);
+        LegFrames { links, axes, slides }
     }
 
     /// Center of mass of the whole robot, in `world` (m).
@@ -162,13 +176,14 @@ impl LegChain {
         Point3::from(moment / self.total_mass)
     }
 
-    /// How far the center of mass can move when joint i moves by `change[i]` (rad) (m).
+    /// How far the center of mass can move when joint i moves by `change[i]` (rad, or m of a
+    /// prismatic joint) (m).
     pub fn com_motion(&self, change: &LegAngles) -> f64 {
         self.com_levers.dot(&change.abs())
     }
 
     /// For each joint the largest distance, at any angles, of the moved masses' center from its
-    /// axis, times their share of the robot's mass.
+    /// axis, times their share of the robot's mass; for a prismatic joint that share itself.
     fn levers_of_com(&self) -> LegAngles {
         let mut levers = LegAngles::zeros();
         if self.total_mass <= 0.0 {
@@ -177,11 +192,12 @@ impl LegChain {
         // From the wheel inward: the first moment that hangs on a joint is at most what hangs on
         // the next one, carried at that joint's origin, plus its own link's.
         let (mut mass, mut moment) = (0.0, 0.0);
-        for place in (0..PLACES).rev() {
+        for (place, joint) in self.joints.iter().enumerate().rev() {
             mass += self.masses[place].0;
             moment += self.masses[place].1.norm();
-            levers[place] = moment / self.total_mass;
-            moment += mass * self.joints[place].origin.norm();
+            let lever = if joint.stroke.is_some() { mass } else { moment };
+            levers[place] = lever / self.total_mass;
+            moment += mass * (joint.origin.norm() + joint.stroke.unwrap_or(0.0));
         }
         levers
     }
@@ -195,7 +211,7 @@ impl LegFrames {
     /// The body hangs on the link at `place` and lies within `radius` of the segment from `a` to
     /// `b` (`world`, m). Turned one after the other from the last joint inward, each joint adds no
     /// more than its angle times the distance of the body from its axis, which by then has grown
-    /// by what the joints before it have added.
+    /// by what the joints before it have added; a prismatic joint adds its way (m).
     #[inline]
     pub fn motion_bound(
         &self,
@@ -208,7 +224,9 @@ impl LegFrames {
         let mut bound = 0.0;
         for joint in (since..=place).rev() {
             let angle = change[joint];
-            if angle > 0.0 {
+            if angle > 0.0 && self.slides[joint] {
+                bound += angle;
+            } else if angle > 0.0 {
                 let (axis, origin) = (&self.axes[joint], &self.links[joint].origin);
                 let from_axis = |p: &Point3<f64>| axis.cross(&(p.coords - origin)).norm_squared();
                 let lever = from_axis(a).max(from_axis(b)).sqrt() + radius;

@@ -9,9 +9,21 @@ use crate::model::ModelError;
 /// How fast the robot moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionLimits {
-    /// Fastest motion of any joint while walking (rad/s).
+    /// Fastest motion of any joint while walking (rad/s; m/s for a prismatic joint).
     pub joint_speed: f64,
+    /// Largest acceleration of any joint while walking (rad/s²; m/s² for a prismatic joint).
+    pub joint_acceleration: f64,
 }
+
+/// Joint acceleration where `robot.toml` gives none (rad/s²).
+const JOINT_ACCELERATION: f64 = 0.2;
+
+/// Standard gravity (m/s²).
+const STANDARD_GRAVITY: f64 = 9.80665;
+
+/// Deflection of a leg under its share of the robot's weight on Earth, as a share of the leg's
+/// reach, where `robot.toml` gives no stiffness: 0.10 m for `athlete` (F83).
+const NOMINAL_DEFLECTION: f64 = 0.044;
 
 /// When a wheel stands, and what a step must keep.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,6 +40,8 @@ pub struct StanceRules {
     pub contact_height: f64,
     /// Largest tilt of the axle against the ground at touch-down (rad).
     pub camber_limit: f64,
+    /// Vertical stiffness of a leg with its tyre: load over deflection (N/m).
+    pub leg_stiffness: f64,
 }
 
 /// Clearance that planned motion keeps (m), by pair of bodies (F65, F66).
@@ -56,6 +70,8 @@ impl StanceRules {
             contact_radius: self.contact_radius * factor,
             contact_height: self.contact_height * factor,
             camber_limit: self.camber_limit,
+            // Loads stay and lengths scale: the deflection keeps its share of the leg.
+            leg_stiffness: self.leg_stiffness / factor,
         }
     }
 }
@@ -91,6 +107,7 @@ pub(crate) struct RobotToml {
 #[serde(deny_unknown_fields)]
 struct MotionToml {
     joint_speed_rad_s: f64,
+    joint_acceleration_rad_s2: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -102,6 +119,7 @@ struct StanceToml {
     contact_radius_m: f64,
     contact_height_m: f64,
     camber_limit_rad: f64,
+    leg_stiffness_n_m: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -126,9 +144,34 @@ struct PoseToml {
 pub(crate) struct LegToml {
     pub name: String,
     pub joints: Vec<String>,
-    pub wheel_joint: String,
-    pub wheel_radius_m: f64,
-    pub wheel_width_m: f64,
+    wheel_joint: Option<String>,
+    wheel_radius_m: Option<f64>,
+    wheel_width_m: Option<f64>,
+    foot_link: Option<String>,
+    foot_radius_m: Option<f64>,
+    foot_offset_m: Option<[f64; 3]>,
+}
+
+/// What a leg stands on.
+pub(crate) enum FootToml<'a> {
+    Wheel { joint: &'a str, radius: f64, width: f64 },
+    Ball { link: &'a str, radius: f64, offset: [f64; 3] },
+}
+
+impl LegToml {
+    pub(crate) fn foot(&self) -> Result<FootToml<'_>, ModelError> {
+        let wheel = (&self.wheel_joint, self.wheel_radius_m, self.wheel_width_m);
+        let ball = (&self.foot_link, self.foot_radius_m, self.foot_offset_m);
+        match (wheel, ball) {
+            ((Some(joint), Some(radius), Some(width)), (None, None, None)) => {
+                Ok(FootToml::Wheel { joint, radius, width })
+            }
+            ((None, None, None), (Some(link), Some(radius), offset)) => {
+                Ok(FootToml::Ball { link, radius, offset: offset.unwrap_or_default() })
+            }
+            _ => Err(ModelError::LegFoot { leg: self.name.clone() }),
+        }
+    }
 }
 
 impl RobotToml {
@@ -159,9 +202,18 @@ impl RobotToml {
             ("tolerances.environment_m", t.environment_m),
         ];
         let sizes = self.legs.iter().flat_map(|leg| {
-            [("legs.wheel_radius_m", leg.wheel_radius_m), ("legs.wheel_width_m", leg.wheel_width_m)]
+            [
+                ("legs.wheel_radius_m", leg.wheel_radius_m),
+                ("legs.wheel_width_m", leg.wheel_width_m),
+                ("legs.foot_radius_m", leg.foot_radius_m),
+            ]
         });
-        for (field, value) in positive.into_iter().chain(sizes) {
+        let optional = [
+            ("motion.joint_acceleration_rad_s2", m.joint_acceleration_rad_s2),
+            ("stance.leg_stiffness_n_m", s.leg_stiffness_n_m),
+        ];
+        let given = sizes.chain(optional).filter_map(|(field, value)| Some((field, value?)));
+        for (field, value) in positive.into_iter().chain(given) {
             if !(value.is_finite() && value > 0.0) {
                 return Err(ModelError::NotPositive { field, value });
             }
@@ -175,10 +227,15 @@ impl RobotToml {
     }
 
     pub(crate) fn motion(&self) -> MotionLimits {
-        MotionLimits { joint_speed: self.motion.joint_speed_rad_s }
+        MotionLimits {
+            joint_speed: self.motion.joint_speed_rad_s,
+            joint_acceleration: (self.motion.joint_acceleration_rad_s2)
+                .unwrap_or(JOINT_ACCELERATION),
+        }
     }
 
-    pub(crate) fn stance(&self) -> StanceRules {
+    /// The rules for a robot of this mass (kg) on legs of this mean reach (m).
+    pub(crate) fn stance(&self, mass: f64, reach: f64) -> StanceRules {
         let s = &self.stance;
         StanceRules {
             margin: s.margin_m,
@@ -187,6 +244,12 @@ impl RobotToml {
             contact_radius: s.contact_radius_m,
             contact_height: s.contact_height_m,
             camber_limit: s.camber_limit_rad,
+            leg_stiffness: s.leg_stiffness_n_m.unwrap_or_else(|| {
+                let share = mass * STANDARD_GRAVITY / self.legs.len().max(1) as f64;
+                let stiffness = share / (NOMINAL_DEFLECTION * reach);
+                // Without mass any stiffness will do.
+                if stiffness.is_finite() && stiffness > 0.0 { stiffness } else { 1.0 }
+            }),
         }
     }
 

@@ -9,12 +9,15 @@
 //!   [`Robot::with_payloads`]).
 //! - [`Configuration`]: base pose and joint angles; [`Posture`]: where every link then is.
 //! - [`LegChain`]: one leg's kinematics made fast, and how far its points can get.
-//! - [`LegIk`]: all branches of a leg that ends in a spherical wrist, in closed form.
-//! - [`WheelPose`]: where a wheel is and where it touches.
+//! - [`LegSolver`]: inverse kinematics of a leg: [`LegIk`], all branches of a leg that ends in a
+//!   spherical wrist, in closed form; [`NumericalIk`] for every other.
+//! - [`WheelPose`]: where a wheel or a ball foot is and where it touches.
+//! - [`Mesh`]: the triangles of a link's mesh, and its connected components.
 
 mod chain;
 mod config;
 mod ik;
+mod mesh;
 mod model;
 mod posture;
 mod shape;
@@ -24,8 +27,14 @@ mod wheel;
 
 pub use chain::{Frame, LegChain, LegFrames, place_of};
 pub use config::{MotionLimits, StanceRules, Tolerances};
-pub use ik::{Branch, IkSolution, LegIk, Unreachable};
-pub use model::{Joint, JointKind, Leg, LegId, Link, LinkId, ModelError, Payload, Robot};
+pub use ik::{
+    Branch, FootTarget, IkSolution, IkSolutions, LegIk, LegSolver, MAX_SOLUTIONS, NoSolution,
+    NumericalIk, Proof, Residual,
+};
+pub use mesh::{MESH_BYTES_MAX, MESH_COMPONENTS_MAX, MESH_TRIANGLES_MAX, Mesh, MeshError};
+pub use model::{
+    Joint, JointKind, JointRange, Leg, LegId, Link, LinkId, ModelError, Payload, Robot,
+};
 pub use posture::{Configuration, LegAngles, Posture};
 pub use shape::{LinkShape, Shape};
 pub use statics::{Wrench, hold_torques};

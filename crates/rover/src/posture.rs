@@ -1,12 +1,15 @@
 //! Configurations, and where every link is in them (forward kinematics, F38, H2).
 
-use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector6};
+use nalgebra::{Isometry3, Point3, Vector6};
 
-use crate::ik::{IkSolution, Unreachable};
+use crate::ik::{IkSolutions, NoSolution};
 use crate::model::{LegId, LinkId, Robot};
 use crate::wheel::WheelPose;
 
-/// Joint angles of one leg (rad), from the hip outward.
+/// Joint angles of one leg, from the hip outward: rad, and m in the place of a prismatic joint.
+///
+/// A leg of fewer than six joints is padded: the places beyond its last joint are zero, and so are
+/// their limits.
 pub type LegAngles = Vector6<f64>;
 
 /// Base pose and joint angles: q of the papers without the wheels' spin.
@@ -49,9 +52,7 @@ impl Posture {
                 Some(j) => {
                     let joint = &robot.joints()[j];
                     let parent: &Isometry3<f64> = &world_from_link[joint.parent.0];
-                    parent
-                        * joint.parent_from_joint
-                        * UnitQuaternion::from_axis_angle(&joint.axis, angles[j])
+                    joint.kind.moved(parent * joint.parent_from_joint, &joint.axis, angles[j])
                 }
             };
             world_from_link.push(pose);
@@ -69,15 +70,14 @@ impl Posture {
     /// As [`with_leg`](Self::with_leg), in place.
     pub fn move_leg(&mut self, robot: &Robot, leg: LegId, angles: &LegAngles) {
         let leg = robot.leg(leg);
-        for (j, q) in leg.joints.iter().zip(angles.iter()) {
-            let joint = &robot.joints()[*j];
-            self.world_from_link[joint.child.0] = self.world_from_link[joint.parent.0]
-                * joint.parent_from_joint
-                * UnitQuaternion::from_axis_angle(&joint.axis, *q);
+        for &(j, place) in &leg.moves {
+            let joint = &robot.joints()[j];
+            let frame = self.world_from_link[joint.parent.0] * joint.parent_from_joint;
+            self.world_from_link[joint.child.0] = match place {
+                Some(place) => joint.kind.moved(frame, &joint.axis, angles[place]),
+                None => frame,
+            };
         }
-        let wheel = &robot.joints()[leg.wheel_joint];
-        self.world_from_link[leg.wheel_link.0] =
-            self.world_from_link[wheel.parent.0] * wheel.parent_from_joint;
     }
 
     /// Pose of a link in `world`.
@@ -85,13 +85,14 @@ impl Posture {
         &self.world_from_link[link.0]
     }
 
-    /// The wheel of a leg.
+    /// The wheel of a leg, or its ball foot.
     pub fn wheel(&self, robot: &Robot, leg: LegId) -> WheelPose {
         let leg = robot.leg(leg);
         WheelPose {
-            world_from_wheel: self.link(leg.links[5]) * leg.wheel.carrier_from_wheel,
+            world_from_wheel: self.link(leg.last_link()) * leg.wheel.carrier_from_wheel,
             radius: leg.wheel.radius,
             width: leg.wheel.width,
+            ball: leg.wheel.ball,
         }
     }
 
@@ -112,13 +113,15 @@ impl Posture {
         }
     }
 
-    /// All branches that bring a leg's wheel to `world_from_wheel` with the base where it is.
+    /// Joint angles that bring a leg's wheel to `world_from_wheel` with the base where it is: all
+    /// branches of a leg with a closed form, what iteration finds for another. Legs of fewer than
+    /// six joints and ball feet bring the center there and leave the orientation free.
     pub fn inverse_kinematics(
         &self,
         robot: &Robot,
         leg: LegId,
         world_from_wheel: &Isometry3<f64>,
-    ) -> Result<Vec<IkSolution>, Unreachable> {
+    ) -> Result<IkSolutions, NoSolution> {
         let leg = robot.leg(leg);
         let base_from_wheel = self.world_from_link[0].inverse() * world_from_wheel;
         leg.ik.solve(leg, &base_from_wheel)

@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use crate::model::{LegId, Robot};
+use crate::model::{JointKind, LegId, Robot};
 use crate::posture::{LegAngles, Posture};
 
 /// A force at a point, in `world`.
@@ -14,10 +14,12 @@ pub struct Wrench {
     pub force: Vector3<f64>,
 }
 
-/// Torques of a leg's joints (N m) that hold its links, and the force of the ground on its wheel,
-/// against gravity (m/s², along -z of `world`).
+/// Torques of a leg's joints (N m; forces in N of prismatic ones) that hold its links and what is
+/// fixed to them, and the force of the ground on its wheel, against gravity (m/s², along -z of
+/// `world`).
 ///
-/// A joint's torque and the moments of all that lies beyond it, taken about its axis, sum to zero.
+/// A joint's torque and the moments of all that lies beyond it, taken about its axis, sum to zero;
+/// so do a prismatic joint's force and the forces along its axis.
 pub fn hold_torques(
     robot: &Robot,
     posture: &Posture,
@@ -25,26 +27,32 @@ pub fn hold_torques(
     gravity: f64,
     ground: Option<&Wrench>,
 ) -> LegAngles {
+    let id = leg;
     let leg = robot.leg(leg);
     let mut torques = LegAngles::zeros();
     // From the wheel inward, gather force and moment about the world's origin.
     let mut force = ground.map_or(Vector3::zeros(), |w| w.force);
     let mut moment = ground.map_or(Vector3::zeros(), |w| w.point.coords.cross(&w.force));
-    let outer = [leg.wheel_link];
-    for place in (0..6).rev() {
-        let here = if place == 5 { &outer[..] } else { &[] };
-        for id in here.iter().chain([&leg.links[place]]) {
-            let link = &robot.links()[id.0];
+    for place in (0..leg.n_joints()).rev() {
+        for (joint, _) in &leg.moves {
+            let child = robot.joints()[*joint].child;
+            if robot.body_of(child) != Some((id, place)) {
+                continue;
+            }
+            let link = &robot.links()[child.0];
             let weight = Vector3::new(0.0, 0.0, -link.mass * gravity);
             force += weight;
-            moment += (posture.link(*id) * link.com).coords.cross(&weight);
+            moment += (posture.link(child) * link.com).coords.cross(&weight);
         }
         let joint = &robot.joints()[leg.joints[place]];
         // The joint's origin and axis are fixed in its child link, whatever its angle.
         let frame = posture.link(leg.links[place]);
         let axis = frame.rotation * joint.axis;
         let about_joint = moment - frame.translation.vector.cross(&force);
-        torques[place] = -axis.dot(&about_joint);
+        torques[place] = match joint.kind {
+            JointKind::Prismatic => -axis.dot(&force),
+            _ => -axis.dot(&about_joint),
+        };
     }
     torques
 }

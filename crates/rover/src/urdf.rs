@@ -1,9 +1,11 @@
 //! From URDF text to links and joints, with every refusal by name.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
+use crate::mesh::Mesh;
 use crate::model::{Joint, JointKind, Link, LinkId, ModelError};
 use crate::shape::{LinkShape, Shape};
 
@@ -13,17 +15,28 @@ pub const MAX_LINKS: usize = 2000;
 /// Longest URDF text (bytes).
 const MAX_BYTES: usize = 1 << 20;
 
+/// Most bytes of all meshes of a robot, each counted as often as it is used.
+const MESHES_BYTES_MAX: usize = 64 << 20;
+
 /// The links in topological order (parents first), each but the first with its parent joint.
 pub(crate) struct Tree {
     pub links: Vec<Link>,
     pub joints: Vec<Joint>,
+    /// Contents of the mesh files in the order of their use.
+    pub mesh_files: Vec<Vec<u8>>,
 }
 
-/// Parses `text`; `has_mesh` tells whether a mesh file of the folder exists.
+/// The mesh files of a robot's folder, and those that were read.
+struct Files<'a> {
+    mesh: &'a dyn Fn(&str) -> Option<Vec<u8>>,
+    read: Vec<Vec<u8>>,
+}
+
+/// Parses `text`; `mesh` gives the content of a mesh file of the folder.
 pub(crate) fn parse(
     text: &str,
     base_link: &str,
-    has_mesh: &dyn Fn(&str) -> bool,
+    mesh: &dyn Fn(&str) -> Option<Vec<u8>>,
 ) -> Result<Tree, ModelError> {
     if text.len() > MAX_BYTES {
         return Err(ModelError::UrdfTooLarge { bytes: text.len(), limit: MAX_BYTES });
@@ -39,7 +52,7 @@ pub(crate) fn parse(
     }
     let robot = urdf_rs::read_from_string(text)
         .map_err(|e| ModelError::UrdfSyntax { message: one_line(&e.to_string()) })?;
-    build(&robot, base_link, has_mesh)
+    build(&robot, base_link, &mut Files { mesh, read: Vec::new() })
 }
 
 fn one_line(text: &str) -> String {
@@ -49,7 +62,7 @@ fn one_line(text: &str) -> String {
 fn build(
     robot: &urdf_rs::Robot,
     base_link: &str,
-    has_mesh: &dyn Fn(&str) -> bool,
+    files: &mut Files<'_>,
 ) -> Result<Tree, ModelError> {
     let mut by_name = BTreeMap::new();
     for link in &robot.links {
@@ -81,8 +94,8 @@ fn build(
         return Err(ModelError::BaseHasParent { joint: (*joint).into() });
     }
 
-    let mut tree = Tree { links: Vec::new(), joints: Vec::new() };
-    tree.links.push(link(by_name[base_link], None, has_mesh)?);
+    let mut tree = Tree { links: Vec::new(), joints: Vec::new(), mesh_files: Vec::new() };
+    tree.links.push(link(by_name[base_link], None, files)?);
     let mut names = vec![base_link];
     let mut next = 0;
     while next < names.len() {
@@ -91,7 +104,7 @@ fn build(
             let child = LinkId(names.len());
             tree.joints.push(self::joint(joint, parent, child)?);
             let id = tree.joints.len() - 1;
-            tree.links.push(link(by_name[joint.child.link.as_str()], Some(id), has_mesh)?);
+            tree.links.push(link(by_name[joint.child.link.as_str()], Some(id), files)?);
             names.push(&joint.child.link);
         }
         next += 1;
@@ -101,6 +114,7 @@ fn build(
     if let Some(name) = by_name.keys().find(|name| !names.contains(name)) {
         return Err(ModelError::NotATree { link: (*name).into() });
     }
+    tree.mesh_files = std::mem::take(&mut files.read);
     Ok(tree)
 }
 
@@ -133,6 +147,7 @@ fn joint(joint: &urdf_rs::Joint, parent: LinkId, child: LinkId) -> Result<Joint,
         urdf_rs::JointType::Fixed => JointKind::Fixed,
         urdf_rs::JointType::Revolute => JointKind::Revolute,
         urdf_rs::JointType::Continuous => JointKind::Continuous,
+        urdf_rs::JointType::Prismatic => JointKind::Prismatic,
         _ => return Err(ModelError::JointKind { joint: name.into() }),
     };
     let axis = Vector3::from(*joint.axis.xyz);
@@ -142,7 +157,7 @@ fn joint(joint: &urdf_rs::Joint, parent: LinkId, child: LinkId) -> Result<Joint,
         (_, None) => return Err(ModelError::NoAxis { joint: name.into() }),
     };
     let (lower, upper) = match kind {
-        JointKind::Revolute => {
+        JointKind::Revolute | JointKind::Prismatic => {
             finite("limit", name, &[limit.lower, limit.upper])?;
             (limit.lower, limit.upper)
         }
@@ -168,7 +183,7 @@ fn joint(joint: &urdf_rs::Joint, parent: LinkId, child: LinkId) -> Result<Joint,
 fn link(
     link: &urdf_rs::Link,
     parent_joint: Option<usize>,
-    has_mesh: &dyn Fn(&str) -> bool,
+    files: &mut Files<'_>,
 ) -> Result<Link, ModelError> {
     let name = link.name.as_str();
     let inertial = &link.inertial;
@@ -182,12 +197,15 @@ fn link(
     for collision in &link.collision {
         shapes.push(LinkShape {
             link_from_shape: isometry(&collision.origin, name)?,
-            shape: shape(&collision.geometry, name, has_mesh)?,
+            shape: shape(&collision.geometry, name, files)?,
         });
     }
     for visual in &link.visual {
         isometry(&visual.origin, name)?;
-        shape(&visual.geometry, name, has_mesh)?;
+        // What is drawn touches nothing: meshes for display are not read.
+        if !matches!(visual.geometry, urdf_rs::Geometry::Mesh { .. }) {
+            shape(&visual.geometry, name, files)?;
+        }
     }
     Ok(Link {
         name: name.into(),
@@ -201,7 +219,7 @@ fn link(
 fn shape(
     geometry: &urdf_rs::Geometry,
     link: &str,
-    has_mesh: &dyn Fn(&str) -> bool,
+    files: &mut Files<'_>,
 ) -> Result<Shape, ModelError> {
     let shape = match geometry {
         urdf_rs::Geometry::Box { size } => Shape::Box { half_extents: Vector3::from(**size) * 0.5 },
@@ -212,20 +230,52 @@ fn shape(
             Shape::Capsule { radius: *radius, half_length: 0.5 * length }
         }
         urdf_rs::Geometry::Sphere { radius } => Shape::Sphere { radius: *radius },
-        urdf_rs::Geometry::Mesh { filename, .. } => {
-            let known = has_mesh(filename);
-            let (link, file) = (link.into(), filename.chars().take(200).collect());
-            return Err(if known {
-                ModelError::MeshShape { link, file }
-            } else {
-                ModelError::MissingMesh { link, file }
-            });
+        urdf_rs::Geometry::Mesh { filename, scale } => {
+            let scale = scale.as_ref().map_or(Vector3::repeat(1.0), |s| Vector3::from(**s));
+            return mesh(filename, &scale, link, files);
         }
     };
-    let sizes = shape.sizes();
-    finite("shape", link, &sizes)?;
-    if sizes.iter().any(|s| *s < 0.0) || sizes[0] == 0.0 {
+    if !shape.is_proper() {
         return Err(ModelError::ShapeSize { link: link.into() });
     }
     Ok(shape)
+}
+
+fn mesh(
+    filename: &str,
+    scale: &Vector3<f64>,
+    link: &str,
+    files: &mut Files<'_>,
+) -> Result<Shape, ModelError> {
+    let (link, file) = (|| link.to_owned(), || filename.chars().take(200).collect::<String>());
+    let path = mesh_path(filename).ok_or_else(|| {
+        let (link, file) = (link(), file());
+        ModelError::MeshPath { link, file }
+    })?;
+    let bytes = (files.mesh)(path).ok_or_else(|| {
+        let (link, file) = (link(), file());
+        ModelError::MissingMesh { link, file }
+    })?;
+    let n_bytes = files.read.iter().map(Vec::len).sum::<usize>() + bytes.len();
+    if n_bytes > MESHES_BYTES_MAX {
+        return Err(ModelError::MeshesTooLarge { bytes: n_bytes, limit: MESHES_BYTES_MAX });
+    }
+    let mesh = Mesh::parse(path, &bytes, scale).map_err(|reason| {
+        let (link, file) = (link(), file());
+        ModelError::Mesh { link, file, reason }
+    })?;
+    files.read.push(bytes);
+    Ok(Shape::Mesh(Arc::new(mesh)))
+}
+
+/// The path of a mesh inside the robot's folder: `package://NAME/` stands for the folder. None for
+/// what could lead out of it.
+fn mesh_path(filename: &str) -> Option<&str> {
+    let path = match filename.strip_prefix("package://") {
+        Some(rest) => rest.split_once('/')?.1,
+        None => filename.strip_prefix("./").unwrap_or(filename),
+    };
+    let plain = |part: &str| !part.is_empty() && part != "." && part != "..";
+    let inside = !path.contains(['\\', '\0', ':']) && path.split('/').all(plain);
+    inside.then_some(path)
 }

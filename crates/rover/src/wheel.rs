@@ -1,4 +1,4 @@
-//! Wheels: where they touch.
+//! Wheels and ball feet: where they touch.
 
 use nalgebra::{Isometry3, Point3, Unit, UnitQuaternion, Vector3};
 
@@ -6,13 +6,16 @@ use nalgebra::{Isometry3, Point3, Unit, UnitQuaternion, Vector3};
 /// it the contact is on the tyre's edge.
 const LEVEL_AXLE: f64 = 1e-6;
 
-/// A wheel: a cylinder about its axle, which is y of the link that carries it.
+/// A wheel: a cylinder about its axle, which is y of the link that carries it. Or a ball foot: a
+/// ball about the same center, which touches one radius below it whatever its orientation.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Wheel {
     /// Radius (m).
     pub radius: f64,
-    /// Width along the axle (m).
+    /// Width along the axle (m); the diameter of a ball foot.
     pub width: f64,
+    /// True for a ball foot.
+    pub ball: bool,
     /// Wheel center and axle direction (y) in the frame of the carrying link; the wheel's spin is
     /// left out, for a wheel that walks is braked.
     pub carrier_from_wheel: Isometry3<f64>,
@@ -25,8 +28,10 @@ pub struct WheelPose {
     pub world_from_wheel: Isometry3<f64>,
     /// Radius (m).
     pub radius: f64,
-    /// Width (m).
+    /// Width (m); the diameter of a ball foot.
     pub width: f64,
+    /// True for a ball foot.
+    pub ball: bool,
 }
 
 impl WheelPose {
@@ -43,6 +48,9 @@ impl WheelPose {
     /// The wheel's point that lies deepest against `normal`: where it touches a plane with that
     /// normal. With a level axle the middle of the line of contact, else on the tyre's edge.
     pub fn lowest_point(&self, normal: &Unit<Vector3<f64>>) -> Point3<f64> {
+        if self.ball {
+            return self.center() - normal.into_inner() * self.radius;
+        }
         let axle = self.axle();
         let along = normal.dot(&axle);
         let radial = normal.into_inner() - axle.into_inner() * along;
@@ -56,8 +64,11 @@ impl WheelPose {
         point
     }
 
-    /// Tilt of the axle out of the plane with this normal (rad), 0 to π/2.
+    /// Tilt of the axle out of the plane with this normal (rad), 0 to π/2; a ball foot has none.
     pub fn camber(&self, normal: &Unit<Vector3<f64>>) -> f64 {
+        if self.ball {
+            return 0.0;
+        }
         self.axle().dot(normal).abs().clamp(0.0, 1.0).asin()
     }
 
@@ -93,6 +104,7 @@ impl WheelPose {
             ),
             radius: wheel.radius,
             width: wheel.width,
+            ball: wheel.ball,
         })
     }
 }
@@ -102,7 +114,7 @@ mod tests {
     use super::*;
 
     fn wheel() -> Wheel {
-        Wheel { radius: 0.264, width: 0.24, carrier_from_wheel: Isometry3::identity() }
+        Wheel { radius: 0.264, width: 0.24, ball: false, carrier_from_wheel: Isometry3::identity() }
     }
 
     #[test]
@@ -121,6 +133,18 @@ mod tests {
     }
 
     #[test]
+    fn a_ball_touches_one_radius_below_its_center_whatever_its_orientation() {
+        let normal = Unit::new_normalize(Vector3::new(0.2, -0.1, 1.0));
+        for turn in [0.0, 0.4, 2.0] {
+            let world_from_wheel = Isometry3::rotation(Vector3::new(turn, 0.3, -turn));
+            let pose = WheelPose { world_from_wheel, radius: 0.02, width: 0.04, ball: true };
+            let lowest = pose.lowest_point(&normal);
+            assert!((lowest.coords + normal.into_inner() * 0.02).norm() < 1e-15);
+            assert_eq!(pose.camber(&normal), 0.0);
+        }
+    }
+
+    #[test]
     fn a_cambered_wheel_touches_on_its_edge() {
         // Axle tilted by g: center height r cos g + (w/2) sin g.
         let g: f64 = 0.2;
@@ -128,6 +152,7 @@ mod tests {
             world_from_wheel: Isometry3::rotation(Vector3::x() * g),
             radius: 0.264,
             width: 0.24,
+            ball: false,
         };
         let lowest = pose.lowest_point(&Vector3::z_axis());
         assert!((-lowest.z - (0.264 * g.cos() + 0.12 * g.sin())).abs() < 1e-12);

@@ -2,6 +2,7 @@
 
 mod keys;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
@@ -170,6 +171,8 @@ impl RoverConfig {
             mass_kg: self.payload_mass_kg,
             com_m: [self.payload_x_m, self.payload_y_m, self.payload_z_m],
             shape: box_m.iter().all(|edge| *edge > 0.0).then_some(PayloadShape { box_m }),
+            shapes: Vec::new(),
+            limits_rad: BTreeMap::new(),
         }]
     }
 }

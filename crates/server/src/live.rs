@@ -154,10 +154,10 @@ fn leg_model(robot: &Robot, leg: rover::LegId) -> LegModel {
     LegModel {
         name: leg.name.clone(),
         joints: leg.joints.iter().map(|index| joint(*index)).collect(),
-        limits_rad: leg.lower.iter().zip(leg.upper.iter()).map(|(l, u)| [*l, *u]).collect(),
-        torque_limits_nm: leg.effort.iter().copied().collect(),
+        limits_rad: (0..leg.n_joints()).map(|i| [leg.lower[i], leg.upper[i]]).collect(),
+        torque_limits_nm: convert::by_joint(leg, &leg.effort),
         wheel_link: robot.links()[leg.wheel_link.0].name.clone(),
-        wheel_joint: joint(leg.wheel_joint),
+        wheel_joint: leg.wheel_joint.map(joint).unwrap_or_default(),
         wheel_radius_m: leg.wheel.radius,
         wheel_width_m: leg.wheel.width,
         reach_m: leg.ik.reach(),

@@ -4,11 +4,11 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use rover::{Configuration, Robot};
-use wire::analysis::PlanAnswer;
+use rover::{Configuration, LegId, Robot};
+use wire::analysis::{PlanAnswer, PlanPhase};
 use wire::check::At;
 use wire::convert;
-use wire::live::{CommandBody, JointKnot, RoverTelemetry};
+use wire::live::{CommandBody, RoverTelemetry};
 
 use crate::error::ApiError;
 
@@ -57,7 +57,7 @@ impl Plans {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum When {
     /// A command is staged: the ones before it in its plan may still be under way, so the moving
-    /// leg may be anywhere.
+    /// leg may be anywhere, and after a shift of the body the base and all legs.
     Staging,
     /// It is armed or sent: all must be as planned.
     Release,
@@ -76,18 +76,33 @@ pub struct Present<'a> {
 }
 
 impl StoredPlan {
-    /// Where the legs are when the command of this index begins.
-    pub fn joints_before(&self, robot: &Robot, index: usize) -> Configuration {
+    /// Where base and legs are when the command of this index begins.
+    pub fn before(&self, robot: &Robot, index: usize) -> Configuration {
         let mut configuration = self.start.clone();
-        let body = self.answer.commands.get(index).map(|command| &command.body);
-        if let Some(CommandBody::JointPath { leg, knots }) = body
-            && let (Some(leg), Some(JointKnot { joints_rad, .. })) =
-                (robot.leg_id(leg), knots.first())
-            && joints_rad.len() == configuration.legs[leg.0].len()
-        {
-            configuration.legs[leg.0].copy_from_slice(joints_rad);
+        let commands = &self.answer.commands;
+        for command in commands.iter().take(index) {
+            apply(robot, &command.body, End::Last, &mut configuration);
+            if matches!(command.body, CommandBody::BodyPath { .. }) {
+                let shifted = self.answer.waypoints.iter().rev().find_map(|waypoint| {
+                    let state = waypoint.stance.as_ref()?;
+                    (waypoint.phase == PlanPhase::Shift).then_some(&state.base)
+                });
+                let at = At::root("stance");
+                if let Some(base) = shifted.and_then(|base| convert::isometry(&at, base).ok()) {
+                    configuration.world_from_base = base;
+                }
+            }
+        }
+        if let Some(command) = commands.get(index) {
+            apply(robot, &command.body, End::First, &mut configuration);
         }
         configuration
+    }
+
+    /// Does the body shift before the command of this index?
+    fn shifts_before(&self, index: usize) -> bool {
+        let mut before = self.answer.commands.iter().take(index);
+        before.any(|command| matches!(command.body, CommandBody::BodyPath { .. }))
     }
 
     /// Why the plan may not be used for its command of this index now; `None` if it may.
@@ -99,11 +114,15 @@ impl StoredPlan {
         if basis.terrain_version != present.terrain_version {
             return Some("the map has a new version".into());
         }
+        if when == When::Staging && self.shifts_before(index) {
+            return None;
+        }
         let at = At::root("state");
         let Ok(now) = convert::configuration(&at, present.robot, &present.frame.state) else {
             return Some("the rover's state cannot be read".into());
         };
-        let expected = self.joints_before(present.robot, index);
+        let expected = self.before(present.robot, index);
+
         let moved = expected.world_from_base.inverse() * now.world_from_base;
         if moved.translation.vector.norm() > BASIS_BASE_M || moved.rotation.angle() > BASIS_BASE_RAD
         {
@@ -123,5 +142,116 @@ impl StoredPlan {
             }
         }
         None
+    }
+}
+
+/// Which knot of a path.
+#[derive(Clone, Copy)]
+enum End {
+    First,
+    Last,
+}
+
+/// Puts the legs that a command moves where one of its knots has them.
+fn apply(robot: &Robot, body: &CommandBody, end: End, configuration: &mut Configuration) {
+    let mut put = |leg: &str, joints_rad: &[f64]| {
+        if let Some(LegId(leg)) = robot.leg_id(leg)
+            && joints_rad.len() == configuration.legs[leg].len()
+        {
+            configuration.legs[leg].copy_from_slice(joints_rad);
+        }
+    };
+    match body {
+        CommandBody::JointPath { leg, knots } => {
+            if let Some(knot) = end.of(knots) {
+                put(leg, &knot.joints_rad);
+            }
+        }
+        CommandBody::BodyPath { knots } => {
+            for (leg, joints_rad) in end.of(knots).into_iter().flat_map(|knot| &knot.joints_rad) {
+                put(leg, joints_rad);
+            }
+        }
+        CommandBody::WheelLine { .. } | CommandBody::Stop {} => {}
+    }
+}
+
+impl End {
+    fn of<T>(self, knots: &[T]) -> Option<&T> {
+        match self {
+            End::First => knots.first(),
+            End::Last => knots.last(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+    use wire::live::{BodyKnot, JointKnot};
+
+    use super::*;
+    use crate::robots::Robots;
+
+    /// A plan of a shift by 0.1 m and 0.1 rad in all joints, and a lift of leg 2 by 0.2 rad more.
+    fn plan(robot: &Robot) -> StoredPlan {
+        let start = robot.pose("bent").unwrap();
+        let mut shifted = start.clone();
+        shifted.world_from_base.translation.vector.x += 0.1;
+        shifted.legs.iter_mut().for_each(|leg| *leg = leg.add_scalar(0.1));
+        let state = |at: &Configuration| convert::rover_state(robot, at);
+        let knot = |at: &Configuration| BodyKnot { joints_rad: state(at).joints_rad, time_s: 0.0 };
+        let lift = |by: f64| JointKnot {
+            joints_rad: shifted.legs[1].add_scalar(by).iter().copied().collect(),
+            time_s: 0.0,
+        };
+        let shift = CommandBody::BodyPath { knots: vec![knot(&start), knot(&shifted)] };
+        let lift = CommandBody::JointPath { leg: "leg2".into(), knots: vec![lift(0.0), lift(0.2)] };
+        let command = |phase: &str, body: &CommandBody| json!({ "title": "", "phase": phase, "body": body, "duration_s": 1.0 });
+        let waypoint = json!({
+            "joints_rad": [], "phase": "shift", "time_s": 1.0, "stance": state(&shifted), "hold": true
+        });
+        let statistics = wire::analysis::PlanStatistics::default();
+        let answer = json!({
+            "outcome": "found", "leg": "leg2", "waypoints": [waypoint], "findings": [],
+            "commands": [command("shift", &shift), command("lift", &lift), command("drop", &lift)],
+            "statistics": statistics, "margins": [], "retreat": [],
+            "basis": { "state_hash": "", "terrain_version": "t", "model_hash": "m", "seed": 1,
+                       "version": "" }
+        });
+        StoredPlan { answer: serde_json::from_value(answer).unwrap(), start }
+    }
+
+    #[test]
+    fn a_command_after_a_shift_begins_with_the_base_shifted_and_all_legs_moved() {
+        let robot = Robots::new(Vec::new()).load(&At::root("robot"), "athlete").unwrap();
+        let plan = plan(&robot);
+        let x = |index| plan.before(&robot, index).world_from_base.translation.vector.x;
+        let yaw =
+            |index, leg: usize| plan.before(&robot, index).legs[leg][0] - plan.start.legs[leg][0];
+        let near = |value: f64, expected: f64| assert!((value - expected).abs() < 1e-9, "{value}");
+        for (index, [base, leg4]) in [(0, [0.0, 0.0]), (1, [0.1, 0.1]), (2, [0.1, 0.1])] {
+            near(x(index), base);
+            near(yaw(index, 3), leg4);
+        }
+        near(yaw(1, 1), 0.1);
+
+        let mut frame: RoverTelemetry = serde_json::from_value(json!({
+            "state": convert::rover_state(&robot, &plan.start), "contacts": {},
+            "contact_points_m": {}, "wheel_forces_n": {}, "joint_torques_nm": {}, "mode": "idle"
+        }))
+        .unwrap();
+        let stale = |frame: &RoverTelemetry, index, when| {
+            let (model_hash, terrain_version) = ("m", "t");
+            plan.stale(&Present { robot: &robot, model_hash, terrain_version, frame }, index, when)
+        };
+        assert_eq!(stale(&frame, 0, When::Release), None);
+        // What follows may be staged, not released, while the shift is under way.
+        assert_eq!(stale(&frame, 1, When::Staging), None);
+        let moved = stale(&frame, 1, When::Release).unwrap();
+        assert_eq!(moved, "the rover's body has moved");
+        frame.state = convert::rover_state(&robot, &plan.before(&robot, 1));
+        assert_eq!(stale(&frame, 1, When::Release), None);
+        assert_eq!(stale(&frame, 0, When::Staging).unwrap(), "the rover's body has moved");
     }
 }

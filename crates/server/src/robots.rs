@@ -39,14 +39,15 @@ impl Robots {
             return Ok(robot.clone());
         }
         let toml = self.text(name, "robot.toml").ok_or_else(|| self.unknown(at, name))?;
-        let robot = Robot::from_folder(
-            &toml,
-            |file| self.text(name, file),
-            |mesh| self.bytes(name, mesh).is_some(),
-        )
-        .map_err(|error| {
-            RequestError::at("robot_invalid", at, format_args!("names a robot in which {error}"))
-        })?;
+        let robot =
+            Robot::from_folder(&toml, |file| self.text(name, file), |mesh| self.bytes(name, mesh))
+                .map_err(|error| {
+                    RequestError::at(
+                        "robot_invalid",
+                        at,
+                        format_args!("names a robot in which {error}"),
+                    )
+                })?;
         let robot = Arc::new(robot);
         self.loaded().insert(name.into(), robot.clone());
         Ok(robot)

@@ -8,7 +8,7 @@ use rover::{Configuration, LegAngles, LegId, Posture, Robot};
 use wire::analysis::PlanCommand;
 use wire::check::{self, At, RequestError};
 use wire::convert;
-use wire::live::{CommandBody, JointKnot, PlanCommandRef};
+use wire::live::{BodyKnot, CommandBody, JointKnot, PlanCommandRef};
 use wire::resources::StageRequest;
 
 use crate::app::AppState;
@@ -18,6 +18,10 @@ use crate::plans::{BASIS_JOINT_RAD, Present, StoredPlan, When};
 
 /// Most knots of a path by hand.
 const KNOTS_MAX: usize = 10_000;
+/// ... of a shift of the body, as the rover takes them.
+const BODY_KNOTS_MAX: usize = 1000;
+/// Latest time of a knot (s): a day.
+const TIME_MAX_S: f64 = 86_400.0;
 
 /// The command that a request asks for, checked as far as the ground can.
 pub fn command(
@@ -87,7 +91,7 @@ fn of_plan(
     };
     check_basis(app, plan, When::Staging)?;
     let robot = app.live.robot();
-    let before = stored.joints_before(robot, plan.index);
+    let before = stored.before(robot, plan.index);
     Ok(StageCommand {
         id: request.id.clone(),
         operator: who.into(),
@@ -101,7 +105,7 @@ fn of_plan(
 }
 
 fn joints_of(robot: &Robot, configuration: &Configuration) -> BTreeMap<String, Vec<f64>> {
-    convert::by_leg(robot, |leg| configuration.legs[leg.0].iter().copied().collect())
+    convert::by_leg(robot, |leg| convert::by_joint(robot.leg(leg), &configuration.legs[leg.0]))
 }
 
 /// A command by hand: limits and reach are checked, collisions are left to the rover's own guard.
@@ -112,6 +116,7 @@ fn by_hand(
     body: &CommandBody,
 ) -> Result<StageCommand, ApiError> {
     let robot = app.live.robot();
+    let latest = app.live.latest()?;
     let now = app.live.configuration()?;
     let at = At::root("body");
     let (title, duration_s) = match body {
@@ -119,13 +124,22 @@ fn by_hand(
         CommandBody::JointPath { leg, knots } => {
             let id = convert::leg(&at.field("leg"), robot, leg)?;
             let path = joint_path(&at.field("knots"), robot, id, &now, knots)?;
-            (format!("Move {leg} through {} knots", knots.len()), duration_s(robot, &path))
+            let pieces = pieces(&path, knots.iter().map(|knot| knot.time_s));
+            (format!("Move {leg} through {} knots", knots.len()), duration_s(robot, pieces))
+        }
+        CommandBody::BodyPath { knots } => {
+            let standing = latest.frame.contacts.iter().filter(|(_, stands)| **stands);
+            let standing: Vec<&str> = standing.map(|(leg, _)| leg.as_str()).collect();
+            let at = at.field("knots");
+            let duration_s = body_path(&at, robot, &now, &standing, knots)?;
+            (format!("Shift the body through {} knots", knots.len()), duration_s)
         }
         CommandBody::WheelLine { leg, position_m } => {
             let id = convert::leg(&at.field("leg"), robot, leg)?;
             let goal = check::position(&at.field("position_m"), *position_m)?;
             let path = wheel_line(&at.field("position_m"), robot, id, &now, goal.into())?;
-            (format!("Move the wheel of {leg} straight"), duration_s(robot, &path))
+            let pieces = pieces(&path, path.iter().map(|_| 0.0));
+            (format!("Move the wheel of {leg} straight"), duration_s(robot, pieces))
         }
     };
     let is_stop = matches!(body, CommandBody::Stop {});
@@ -148,30 +162,104 @@ fn joint_path(
     now: &Configuration,
     knots: &[JointKnot],
 ) -> Result<Vec<LegAngles>, RequestError> {
-    check::at_most(at, knots.len(), KNOTS_MAX)?;
-    if knots.len() < 2 {
-        let text = "takes two knots or more, the first one where the leg is";
-        return Err(RequestError::at("command_invalid", at, text));
-    }
-    let model = robot.leg(leg);
+    knot_count(at, knots.len(), KNOTS_MAX)?;
     let mut path = Vec::with_capacity(knots.len());
     let mut before_s = 0.0;
     for (i, knot) in knots.iter().enumerate() {
         let at = at.index(i);
-        let (at_joints, at_time) = (at.field("joints_rad"), at.field("time_s"));
-        let angles = convert::leg_angles(&at_joints, &knot.joints_rad)?;
-        for (j, q) in angles.iter().enumerate() {
-            let bounds = [model.lower[j] - 1e-9, model.upper[j] + 1e-9];
-            check::within(&at_joints.index(j), *q, bounds, " rad, the joint's limits")?;
-        }
-        before_s = check::within(&at_time, knot.time_s, [before_s, 86_400.0], " s")?;
-        path.push(angles);
+        path.push(leg_within_limits(&at.field("joints_rad"), robot, leg, &knot.joints_rad)?);
+        before_s = check::within(&at.field("time_s"), knot.time_s, [before_s, TIME_MAX_S], " s")?;
     }
-    if (path[0] - now.legs[leg.0]).amax() > BASIS_JOINT_RAD {
-        let text = format_args!("[0] must be where {} is, as last reported", model.name);
+    begins_here(at, robot, leg, now, &path[0])?;
+    Ok(path)
+}
+
+/// Checks a shift of the body; gives how long it takes (s). Whether the wheels stay and the rover
+/// stands is left to the rover.
+fn body_path(
+    at: &At<'_>,
+    robot: &Robot,
+    now: &Configuration,
+    standing: &[&str],
+    knots: &[BodyKnot],
+) -> Result<f64, RequestError> {
+    knot_count(at, knots.len(), BODY_KNOTS_MAX)?;
+    let first = &knots[0].joints_rad;
+    if let Some(leg) = standing.iter().find(|leg| !first.contains_key(**leg)) {
+        let text = format_args!("[0].joints_rad lacks {leg}, which stands; give all legs that do");
         return Err(RequestError::at("command_invalid", at, text));
     }
-    Ok(path)
+    let mut pieces_s: Vec<(f64, f64)> = Vec::with_capacity(knots.len());
+    let mut before: Option<(f64, Vec<LegAngles>)> = None;
+    for (i, knot) in knots.iter().enumerate() {
+        let at_knot = at.index(i);
+        let (at_joints, at_time) = (at_knot.field("joints_rad"), at_knot.field("time_s"));
+        let mut stance = Vec::with_capacity(first.len());
+        for (name, joints_rad) in &knot.joints_rad {
+            let at_leg = at_joints.field(name);
+            let leg = convert::leg(&at_leg, robot, name)?;
+            let angles = leg_within_limits(&at_leg, robot, leg, joints_rad)?;
+            if i == 0 {
+                begins_here(at, robot, leg, now, &angles)?;
+            }
+            stance.push(angles);
+        }
+        if !knot.joints_rad.keys().eq(first.keys()) {
+            let text = "moves other legs than the first knot; all knots move the same legs";
+            return Err(RequestError::at("command_invalid", &at_joints, text));
+        }
+        let since_s = before.as_ref().map_or(0.0, |(time_s, _)| *time_s);
+        let time_s = check::within(&at_time, knot.time_s, [since_s, TIME_MAX_S], " s")?;
+        let way = before.iter().flat_map(|(_, from)| from.iter().zip(&stance));
+        let way = way.map(|(from, to)| (to - from).amax()).fold(0.0, f64::max);
+        pieces_s.push((time_s - since_s, way));
+        before = Some((time_s, stance));
+    }
+    Ok(duration_s(robot, pieces_s.into_iter()))
+}
+
+fn knot_count(at: &At<'_>, n_knots: usize, most: usize) -> Result<(), RequestError> {
+    check::at_most(at, n_knots, most)?;
+    if n_knots < 2 {
+        let text = "takes two knots or more, the first one where the leg is";
+        return Err(RequestError::at("command_invalid", at, text));
+    }
+    Ok(())
+}
+
+fn leg_within_limits(
+    at: &At<'_>,
+    robot: &Robot,
+    leg: LegId,
+    joints_rad: &[f64],
+) -> Result<LegAngles, RequestError> {
+    let model = robot.leg(leg);
+    let angles = convert::leg_angles(at, model, joints_rad)?;
+    for (j, q) in angles.iter().enumerate().take(model.n_joints()) {
+        let bounds = [model.lower[j] - 1e-9, model.upper[j] + 1e-9];
+        check::within(&at.index(j), *q, bounds, " rad, the joint's limits")?;
+    }
+    Ok(angles)
+}
+
+/// Refuses a path of these knots that does not begin where the leg is.
+fn begins_here(
+    at: &At<'_>,
+    robot: &Robot,
+    leg: LegId,
+    now: &Configuration,
+    first: &LegAngles,
+) -> Result<(), RequestError> {
+    let off = (first - now.legs[leg.0]).amax();
+    if off <= BASIS_JOINT_RAD {
+        return Ok(());
+    }
+    let text = format_args!(
+        "[0] must be where {} is, as last reported: it is {off:.4} rad away, and at most \
+         {BASIS_JOINT_RAD} rad are taken",
+        robot.leg(leg).name
+    );
+    Err(RequestError::at("command_invalid", at, text))
 }
 
 fn wheel_line(
@@ -195,7 +283,18 @@ fn wheel_line(
     })
 }
 
-/// How long a path takes at the robot's joint speed (s).
-fn duration_s(robot: &Robot, path: &[LegAngles]) -> f64 {
-    path.windows(2).map(|pair| (pair[1] - pair[0]).amax()).sum::<f64>() / robot.motion().joint_speed
+/// Of each piece of one leg's path the least time (s) and its length (rad).
+fn pieces(
+    path: &[LegAngles],
+    times_s: impl Iterator<Item = f64> + Clone,
+) -> impl Iterator<Item = (f64, f64)> {
+    let since_s = std::iter::once(0.0).chain(times_s.clone());
+    let least_s = times_s.zip(since_s).map(|(time_s, since_s)| time_s - since_s);
+    let way = path.windows(2).map(|pair| (pair[1] - pair[0]).amax());
+    least_s.zip(std::iter::once(0.0).chain(way))
+}
+
+/// How long pieces take at the robot's joint speed, each no less than its least time (s).
+fn duration_s(robot: &Robot, pieces: impl Iterator<Item = (f64, f64)>) -> f64 {
+    pieces.map(|(least_s, length)| least_s.max(length / robot.motion().joint_speed)).sum()
 }

@@ -5,6 +5,10 @@ use rover::{LegAngles, LegId, Robot};
 
 /// Most knots of a joint path.
 pub const KNOTS_MAX: usize = 10_000;
+/// Most knots of a body path: each is six legs to look at.
+pub const BODY_KNOTS_MAX: usize = 1000;
+/// Latest time of a knot (s): a day.
+pub const TIME_MAX_S: f64 = 86_400.0;
 /// Longest identity of a command (bytes).
 pub const ID_LENGTH_MAX: usize = 128;
 /// How far a joint may be from the first knot of a path (rad); the path then begins with the piece
@@ -28,13 +32,20 @@ pub struct Command {
 /// What to do (F93: joint-space and task-space motions).
 #[derive(Debug, Clone, PartialEq)]
 pub enum Motion {
-    /// Move one leg joint-linearly from knot to knot, each piece in the time that its slowest
-    /// joint needs at the robot's joint speed.
+    /// Move one leg joint-linearly from knot to knot. A piece takes the time between its knots, or
+    /// as little longer as the robot's joint speed and acceleration ask for; knots of equal times
+    /// are passed as fast as these allow.
     JointPath {
         /// Name of the leg.
         leg: String,
-        /// Joint angles (rad), 2 to [`KNOTS_MAX`] of them, the first one where the leg is.
-        knots: Vec<LegAngles>,
+        /// 2 to [`KNOTS_MAX`] knots, the first one where the leg is.
+        knots: Vec<JointKnot>,
+    },
+    /// Move all standing legs at once over their braked wheels: the body shifts. Timed as a joint
+    /// path; the base goes where it fits best to the wheels that stand.
+    BodyPath {
+        /// 2 to [`BODY_KNOTS_MAX`] knots, the first one where the legs are.
+        knots: Vec<BodyKnot>,
     },
     /// Move one leg's wheel along a straight line, keeping the wheel's orientation.
     WheelLine {
@@ -45,6 +56,25 @@ pub enum Motion {
     },
     /// Stop where the rover is; what is under way is aborted.
     Stop,
+}
+
+/// A knot of one leg's path.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointKnot {
+    /// Joint angles (rad), from the hip outward.
+    pub angles: LegAngles,
+    /// When it is to be reached after the start (s), not before the one before.
+    pub time_s: f64,
+}
+
+/// A knot of a body's path.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BodyKnot {
+    /// Joint angles (rad) by name of the leg: in each knot the same legs, among them all that
+    /// stand. Others may move with them, or go with the base as they are.
+    pub legs: Vec<(String, LegAngles)>,
+    /// When it is to be reached after the start (s), not before the one before.
+    pub time_s: f64,
 }
 
 /// The state that a command was checked against.
@@ -70,8 +100,24 @@ pub enum Refusal {
     Busy { id: String },
     #[error("there is no leg {leg:?}; the legs are {known}")]
     UnknownLeg { leg: String, known: String },
-    #[error("the path has {n_knots} knots; 2 to {KNOTS_MAX} are allowed")]
-    KnotCount { n_knots: usize },
+    #[error("the path has {n_knots} knots; 2 to {most} are allowed")]
+    KnotCount { n_knots: usize, most: usize },
+    #[error("knot {knot} is timed at {time_s} s, before the {before_s} s of the one before")]
+    TimeDecreases { knot: usize, time_s: f64, before_s: f64 },
+    #[error("knot {knot} is timed at {time_s} s; 0 to {TIME_MAX_S} s are allowed")]
+    TimeRange { knot: usize, time_s: f64 },
+    #[error("knot {knot} moves {given}, but knot 0 {expected}; all knots move the same legs")]
+    KnotLegs { knot: usize, given: String, expected: String },
+    #[error("{leg} stands, but the body path does not move it; it moves {given}")]
+    StandingLegMissing { leg: String, given: String },
+    #[error(
+        "{at_s:.1} s after the start {leg}'s wheel would slip by {slip:.4} m, more than {most:.4} m: the legs pull against each other"
+    )]
+    Slip { at_s: f64, leg: String, slip: f64, most: f64 },
+    #[error(
+        "{at_s:.1} s after the start the center of mass would be {outside:.3} m outside the support of {standing}"
+    )]
+    BodyUnsupported { at_s: f64, outside: f64, standing: String },
     #[error("{what} is not finite")]
     NotFinite { what: String },
     #[error(
@@ -118,47 +164,123 @@ pub(crate) fn leg_named(robot: &Robot, name: &str) -> Result<LegId, Refusal> {
 
 /// The name of a leg's joint by its place.
 pub(crate) fn joint_name(robot: &Robot, leg: LegId, place: usize) -> String {
-    robot.joints()[robot.leg(leg).joints[place]].name.clone()
+    // Beyond the last joint a leg's angles are padded with zeros: no joint's fault.
+    let joint = robot.leg(leg).joints.get(place);
+    joint.map_or_else(|| format!("joint {}", place + 1), |j| robot.joints()[*j].name.clone())
 }
 
-/// Refuses knots that the leg cannot take, or that do not begin where it is.
+/// Refuses knots that these legs cannot take, or that do not begin where they are. Angles of knots
+/// and present ones are in the order of `legs`.
 pub(crate) fn check_knots(
     robot: &Robot,
-    leg: LegId,
-    knots: &[LegAngles],
-    present: &LegAngles,
+    legs: &[LegId],
+    knots: &[Vec<LegAngles>],
+    present: &[LegAngles],
 ) -> Result<(), Refusal> {
-    let n_knots = knots.len();
-    if !(2..=KNOTS_MAX).contains(&n_knots) {
-        return Err(Refusal::KnotCount { n_knots });
-    }
-    let model = robot.leg(leg);
-    for (knot, angles) in knots.iter().enumerate() {
-        for (place, angle) in angles.iter().enumerate() {
-            let joint = || joint_name(robot, leg, place);
-            if !angle.is_finite() {
-                return Err(Refusal::NotFinite { what: format!("{} of knot {knot}", joint()) });
-            }
-            let (lower, upper) = (model.lower[place], model.upper[place]);
-            if *angle < lower - LIMIT_SLACK || *angle > upper + LIMIT_SLACK {
-                return Err(Refusal::JointLimit {
-                    knot,
-                    joint: joint(),
-                    angle: *angle,
-                    lower,
-                    upper,
-                });
-            }
+    for (knot, stance) in knots.iter().enumerate() {
+        for (leg, angles) in legs.iter().zip(stance) {
+            check_angles(robot, *leg, knot, angles)?;
         }
     }
-    match furthest(&knots[0], present) {
-        (place, off) if off > START_TOLERANCE_RAD => Err(Refusal::WrongStart {
-            joint: joint_name(robot, leg, place),
-            wanted: knots[0][place],
-            present: present[place],
-        }),
-        _ => Ok(()),
+    let Some(first) = knots.first() else { return Ok(()) };
+    for ((leg, wanted), present) in legs.iter().zip(first).zip(present) {
+        let (place, off) = furthest(wanted, present);
+        if off > START_TOLERANCE_RAD {
+            return Err(Refusal::WrongStart {
+                joint: joint_name(robot, *leg, place),
+                wanted: wanted[place],
+                present: present[place],
+            });
+        }
     }
+    Ok(())
+}
+
+fn check_angles(robot: &Robot, leg: LegId, knot: usize, angles: &LegAngles) -> Result<(), Refusal> {
+    let model = robot.leg(leg);
+    for (place, angle) in angles.iter().enumerate() {
+        let joint = || joint_name(robot, leg, place);
+        if !angle.is_finite() {
+            return Err(Refusal::NotFinite { what: format!("{} of knot {knot}", joint()) });
+        }
+        let (lower, upper) = (model.lower[place], model.upper[place]);
+        if *angle < lower - LIMIT_SLACK || *angle > upper + LIMIT_SLACK {
+            return Err(Refusal::JointLimit { knot, joint: joint(), angle: *angle, lower, upper });
+        }
+    }
+    Ok(())
+}
+
+/// The least time of each piece (s), that to the first knot included; refuses times that go back.
+pub(crate) fn times_of_pieces(times_s: impl Iterator<Item = f64>) -> Result<Vec<f64>, Refusal> {
+    let mut before_s = 0.0;
+    times_s
+        .enumerate()
+        .map(|(knot, time_s)| {
+            if !time_s.is_finite() {
+                return Err(Refusal::NotFinite { what: format!("the time of knot {knot}") });
+            }
+            if !(0.0..=TIME_MAX_S).contains(&time_s) {
+                return Err(Refusal::TimeRange { knot, time_s });
+            }
+            if time_s < before_s {
+                return Err(Refusal::TimeDecreases { knot, time_s, before_s });
+            }
+            let piece_s = time_s - before_s;
+            before_s = time_s;
+            Ok(piece_s)
+        })
+        .collect()
+}
+
+/// Refuses too few knots, or too many.
+pub(crate) fn check_count(n_knots: usize, most: usize) -> Result<(), Refusal> {
+    if (2..=most).contains(&n_knots) {
+        return Ok(());
+    }
+    Err(Refusal::KnotCount { n_knots, most })
+}
+
+/// The legs of a body's path in the order of the robot, and their angles (rad) at each knot in that
+/// order. `standing` must be among them.
+pub(crate) fn body_knots(
+    robot: &Robot,
+    knots: &[BodyKnot],
+    standing: &[LegId],
+) -> Result<(Vec<LegId>, Vec<Vec<LegAngles>>), Refusal> {
+    let mut legs = Vec::new();
+    let mut stances = Vec::with_capacity(knots.len());
+    for (knot, BodyKnot { legs: given, .. }) in knots.iter().enumerate() {
+        let mut of_knot = given
+            .iter()
+            .map(|(name, angles)| Ok((leg_named(robot, name)?, *angles)))
+            .collect::<Result<Vec<_>, Refusal>>()?;
+        of_knot.sort_by_key(|(leg, _)| leg.0);
+        let ids: Vec<LegId> = of_knot.iter().map(|(leg, _)| *leg).collect();
+        if knot == 0 {
+            legs = ids.clone();
+            legs.dedup();
+        }
+        if ids != legs {
+            let (given, expected) = (names(robot, &ids), names(robot, &legs));
+            return Err(Refusal::KnotLegs { knot, given, expected });
+        }
+        stances.push(of_knot.into_iter().map(|(_, angles)| angles).collect());
+    }
+    if let Some(leg) = standing.iter().find(|leg| !legs.contains(leg)) {
+        let leg = robot.leg(*leg).name.clone();
+        return Err(Refusal::StandingLegMissing { leg, given: names(robot, &legs) });
+    }
+    Ok((legs, stances))
+}
+
+/// Names of legs for people.
+pub(crate) fn names(robot: &Robot, legs: &[LegId]) -> String {
+    if legs.is_empty() {
+        return "no leg".into();
+    }
+    let names: Vec<&str> = legs.iter().map(|leg| robot.leg(*leg).name.as_str()).collect();
+    names.join(", ")
 }
 
 /// Refuses a command whose basis no longer holds.

@@ -29,7 +29,8 @@ pub struct Frame {
     /// contact, in `world` (m).
     pub contact_points: Vec<Point3<f64>>,
     /// Force of the ground on the wheel, in `world` (N): the share of equal springs over the wheels
-    /// that stand, zero for the others.
+    /// that stand, more for one that is pressed deeper into the ground than the others; zero for
+    /// wheels that do not stand.
     pub wheel_forces: Vec<Vector3<f64>>,
     /// Joint torques (N m) that hold the robot under these forces, from the hip outward.
     pub joint_torques: Vec<LegAngles>,

@@ -1,11 +1,12 @@
-//! What the rover watches while a leg moves, and predicts before it does.
+//! What the rover watches while it moves, and predicts before it does.
 
-use collision::{ContactZone, LegChecker, Scene, Touch};
+use collision::{ContactZone, LegChecker, Scene, Touch, survey};
 use geometry::ConvexPolygon;
 use rover::{LegAngles, LegId, LinkId, Posture, Robot};
 use stability::support_polygon;
 
-use crate::command::Refusal;
+use crate::closure::{Closure, Fit, slip_max};
+use crate::command::{Refusal, names};
 use crate::path::TimedPath;
 use crate::stand::{Foot, foot, names_without, standing, support_without};
 
@@ -14,8 +15,10 @@ pub(crate) const LOOK: f64 = 0.002;
 
 /// Largest change of a joint between two looks of the prediction (rad) ...
 const LOOK_AHEAD: f64 = 0.05;
-/// ... and most looks of it, however long the path.
-const LOOKS_AHEAD_MAX: f64 = 20_000.0;
+/// ... most looks of it, however long the path (at least one a piece) ...
+const LOOKS_AHEAD_MAX: usize = 20_000;
+/// ... and least looks at a piece of a body path: slip is worst between knots.
+const BODY_LOOKS: usize = 4;
 
 /// Why the rover stopped itself. The leg is where all was still well.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -33,6 +36,18 @@ pub enum Fault {
     Unsupported { leg: String, standing: String, outside: f64 },
     #[error("{leg} would leave the ground with fewer than 3 other wheels standing")]
     TooFewFeet { leg: String },
+    #[error(
+        "{leg}'s wheel would slip by {slip:.4} m, more than {most:.4} m, while the body shifts"
+    )]
+    Slip { leg: String, slip: f64, most: f64 },
+    #[error("{leg}'s wheel would leave the ground while the body shifts")]
+    LeftGround { leg: String },
+    #[error("{link} met {what} while the body shifted")]
+    BodyMet { link: String, what: String },
+    #[error(
+        "the center of mass would come {outside:.3} m outside the support of {standing} while the body shifts"
+    )]
+    BodyUnsupported { outside: f64, standing: String },
 }
 
 /// Refuses a path on which the rover would tip over: somewhere the leg is off the ground and the
@@ -48,11 +63,9 @@ pub(crate) fn predict_support(
 ) -> Result<(), Refusal> {
     let robot = scene.robot();
     let balance = Balance::new(feet, leg);
-    let speed = robot.motion().joint_speed;
-    let n = (path.duration() * speed / LOOK_AHEAD).ceil().clamp(1.0, LOOKS_AHEAD_MAX);
     let mut moved = posture.clone();
-    for i in 0..=n as usize {
-        moved.move_leg(robot, leg, &path.at(path.duration() * i as f64 / n));
+    for (_, angles) in path.looks(LOOK_AHEAD, 1, most_looks(path)) {
+        moved.move_leg(robot, leg, &angles[0]);
         if let Err(outside) = balance.holds(scene, &moved, feet) {
             let name = robot.leg(leg).name.clone();
             return Err(match outside {
@@ -66,6 +79,72 @@ pub(crate) fn predict_support(
         }
     }
     Ok(())
+}
+
+/// Most looks at each piece of a path.
+fn most_looks(path: &TimedPath) -> usize {
+    (LOOKS_AHEAD_MAX / path.n_pieces().max(1)).max(BODY_LOOKS)
+}
+
+/// Refuses a body path on which a wheel would slip, or the center of mass leave the support of the
+/// standing legs. `legs` are the angles of all legs now.
+pub(crate) fn predict_shift(
+    scene: &Scene,
+    closure: &Closure,
+    feet: &[Foot],
+    legs: &[LegAngles],
+    path: &TimedPath,
+) -> Result<(), Refusal> {
+    let robot = scene.robot();
+    let all: Vec<LegId> = closure.legs().collect();
+    let contacts: Vec<_> = all.iter().map(|leg| feet[leg.0].point).collect();
+    let support = support_polygon::regular(&contacts).ok();
+    let most = slip_max(robot);
+    for (at_s, angles) in path.looks(LOOK_AHEAD, BODY_LOOKS, most_looks(path)) {
+        let fit = closure.fit(robot, path.applied(legs, &angles));
+        if fit.slip > most {
+            let leg = robot.leg(fit.leg).name.clone();
+            return Err(Refusal::Slip { at_s, leg, slip: fit.slip, most });
+        }
+        let com = fit.posture.center_of_mass(robot);
+        let depth = support.as_ref().map_or(f64::NEG_INFINITY, |s| s.depth_of(com.xy()));
+        if depth < 0.0 {
+            let standing = names(robot, &all);
+            return Err(Refusal::BodyUnsupported { at_s, outside: -depth, standing });
+        }
+    }
+    Ok(())
+}
+
+/// What is wrong with the body in the midst of a shift, if anything: slip, a wheel off the ground,
+/// the center of mass, any part that touches what it should not.
+pub(crate) fn look_at_shift(scene: &Scene, closure: &Closure, fit: &Fit) -> Option<Fault> {
+    let robot = scene.robot();
+    let name = |leg: LegId| robot.leg(leg).name.clone();
+    let most = slip_max(robot);
+    if fit.slip > most {
+        return Some(Fault::Slip { leg: name(fit.leg), slip: fit.slip, most });
+    }
+    let seen = survey(scene, &fit.posture);
+    if let Some(pair) = seen.self_collision().or(seen.terrain_collision()) {
+        let (link, what) = touched(robot, pair.touch);
+        return Some(Fault::BodyMet { link, what });
+    }
+    if let Some(leg) = closure.legs().find(|leg| !seen.standing.contains(leg)) {
+        return Some(Fault::LeftGround { leg: name(leg) });
+    }
+    let hangs = |leg: &LegId| !closure.legs().any(|other| other == *leg);
+    if let Some(leg) = robot.leg_ids().filter(hangs).find(|leg| seen.wheels[leg.0].unknown) {
+        let link = robot.links()[robot.leg(leg).wheel_link.0].name.clone();
+        return Some(Fault::BodyMet { link, what: "unknown ground".into() });
+    }
+    let (legs, contacts): (Vec<LegId>, Vec<_>) =
+        seen.contacts(scene, &fit.posture).into_iter().unzip();
+    let com = fit.posture.center_of_mass(robot);
+    let depth = support_polygon::regular(&contacts)
+        .map_or(f64::NEG_INFINITY, |support| support.depth_of(com.xy()));
+    let standing = || names(robot, &legs);
+    (depth < 0.0).then(|| Fault::BodyUnsupported { outside: -depth, standing: standing() })
 }
 
 /// Whether the rover stands while one leg moves.

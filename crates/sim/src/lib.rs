@@ -1,13 +1,15 @@
 //! The simulated rover: a rigid stand-in that takes commands and reports frames as a real one does.
 //!
-//! The rover is rigid and statically stable (F9): while it stands on three braked wheels or more
-//! its base does not move, and one leg moves at a time. No compliance, no slip, no dynamics. Time
+//! The rover is rigid and statically stable (F9): it stands on three braked wheels or more. Either
+//! one leg moves and the base does not, or all standing legs move at once and the base shifts over
+//! wheels that stay. No compliance but for the loads told of pressed wheels, no dynamics. Time
 //! comes in through [`SimRover::advance`] alone; there is no clock, no random number, no I/O, and
 //! the same calls give the same frames. Frame `world` (z up), meters, radians, newtons.
 //!
 //! - [`settle`]: a configuration in which the rover stands on a map near a wished place;
 //! - [`SimRover`]: commands in, [`Event`]s and [`Frame`]s out, with its own guards and E-stop.
 
+mod closure;
 mod command;
 mod frame;
 mod guard;
@@ -18,7 +20,10 @@ mod rover;
 mod settle;
 mod stand;
 
-pub use command::{Basis, Command, ID_LENGTH_MAX, KNOTS_MAX, Motion, Refusal, START_TOLERANCE_RAD};
+pub use command::{
+    BODY_KNOTS_MAX, Basis, BodyKnot, Command, ID_LENGTH_MAX, JointKnot, KNOTS_MAX, Motion, Refusal,
+    START_TOLERANCE_RAD, TIME_MAX_S,
+};
 pub use frame::{Event, Executing, Frame, Mode, Stage};
 pub use guard::Fault;
 pub use memory::REMEMBERED_IDS;

@@ -1,18 +1,20 @@
 //! The rover on board: takes commands, executes one at a time, guards itself.
 
 use collision::{Scene, survey};
-use rover::{Configuration, LegId, Posture, Wrench, hold_torques};
-use stability::{spring_share, support_polygon};
+use rover::{Configuration, LegAngles, LegId, Posture, Wrench, hold_torques};
+use stability::support_polygon;
 
+use crate::closure::Closure;
 use crate::command::{
-    Command, ID_LENGTH_MAX, Motion, Refusal, check_basis, check_knots, leg_named,
+    BODY_KNOTS_MAX, BodyKnot, Command, ID_LENGTH_MAX, KNOTS_MAX, Motion, Refusal, body_knots,
+    check_basis, check_count, check_knots, leg_named, times_of_pieces,
 };
 use crate::frame::{Event, Executing, Frame, Mode, Stage};
-use crate::guard::{Guard, LOOK, predict_support, touched};
+use crate::guard::{Fault, Guard, LOOK, look_at_shift, predict_shift, predict_support, touched};
 use crate::line::wheel_line;
 use crate::memory::Memory;
 use crate::path::TimedPath;
-use crate::stand::{Foot, feet, foot, standing};
+use crate::stand::{Foot, feet, foot, loads, standing};
 
 /// How much of an identity that is too long is told back (characters).
 const ID_SHOWN: usize = 32;
@@ -69,9 +71,18 @@ pub struct SimRover {
 #[derive(Debug, Clone)]
 struct Execution {
     id: String,
-    leg: LegId,
+    moving: Moving,
     path: TimedPath,
     elapsed: f64,
+}
+
+/// What moves.
+#[derive(Debug, Clone)]
+enum Moving {
+    /// One leg; the base stays.
+    Leg(LegId),
+    /// Several legs; the base stays over these wheels.
+    Body(Closure),
 }
 
 impl SimRover {
@@ -154,10 +165,10 @@ impl SimRover {
             self.plan(&motion)
         });
         match checked {
-            Ok((leg, path)) => {
+            Ok((moving, path)) => {
                 self.tell(&id, Stage::Started, None);
                 self.mode = Mode::Executing;
-                self.execution = Some(Execution { id, leg, path, elapsed: 0.0 });
+                self.execution = Some(Execution { id, moving, path, elapsed: 0.0 });
             }
             Err(refusal) => self.tell(&id, Stage::Rejected, Some(refusal.to_string())),
         }
@@ -206,14 +217,9 @@ impl SimRover {
     /// The rover as it is now.
     pub fn frame(&self) -> Frame {
         let robot = self.scene.robot();
-        let standing = standing(&self.feet);
-        let contacts: Vec<_> = standing.iter().map(|(_, contact)| *contact).collect();
-        let com = self.posture.center_of_mass(robot);
-        let shares = spring_share(&contacts, &com, robot.mass() * self.gravity);
-        let mut wheel_forces = vec![nalgebra::Vector3::zeros(); self.feet.len()];
-        for ((leg, _), share) in standing.iter().zip(shares.iter().flatten()) {
-            wheel_forces[leg.0].z = *share;
-        }
+        let loads = loads(robot, &self.posture, &self.feet, self.gravity);
+        let wheel_forces: Vec<_> =
+            loads.into_iter().map(|load| nalgebra::Vector3::new(0.0, 0.0, load)).collect();
         let torques = |leg: LegId| {
             let foot = &self.feet[leg.0];
             let wrench = Wrench { point: foot.point, force: wheel_forces[leg.0] };
@@ -233,28 +239,15 @@ impl SimRover {
         }
     }
 
-    /// Moves the leg until `end` (time on board, s) or the path's, looking where it goes.
+    /// Moves until `end` (time on board, s) or the path's, looking where it goes.
     fn execute(&mut self, mut execution: Execution, end: f64) {
-        let (leg, duration) = (execution.leg, execution.path.duration());
+        let duration = execution.path.duration();
         let started = self.time_s - execution.elapsed;
         let until = (end - started).min(duration);
-        let scene = self.scene.clone();
-        let feet = self.feet.clone();
-        let guard = Guard::new(&scene, &self.posture, &feet, leg, &execution.path.goal());
-        let step = LOOK / scene.robot().motion().joint_speed;
-        let mut met = None;
-        while execution.elapsed < until && met.is_none() {
-            let next = (execution.elapsed + step).min(until);
-            let angles = execution.path.at(next);
-            let moved = self.posture.with_leg(scene.robot(), leg, &angles);
-            met = guard.look(&moved);
-            if met.is_none() {
-                self.posture = moved;
-                self.configuration.legs[leg.0] = angles;
-                execution.elapsed = next;
-            }
-        }
-        self.feet[leg.0] = foot(&scene, &self.posture, leg);
+        let met = match execution.moving.clone() {
+            Moving::Leg(leg) => self.move_leg(&mut execution, leg, until),
+            Moving::Body(closure) => self.move_body(&mut execution, &closure, until),
+        };
         self.time_s = started + execution.elapsed;
         if let Some(fault) = met {
             self.mode = Mode::Fault;
@@ -266,6 +259,52 @@ impl SimRover {
         } else {
             self.execution = Some(execution);
         }
+    }
+
+    /// Moves one leg until `until` (s after the start), or to the last look at which all was well.
+    fn move_leg(&mut self, execution: &mut Execution, leg: LegId, until: f64) -> Option<Fault> {
+        let scene = self.scene.clone();
+        let feet = self.feet.clone();
+        let guard = Guard::new(&scene, &self.posture, &feet, leg, &execution.path.goal()[0]);
+        let mut met = None;
+        while met.is_none()
+            && let Some(next) = execution.next_look(&scene, until)
+        {
+            let angles = execution.path.at(next)[0];
+            let moved = self.posture.with_leg(scene.robot(), leg, &angles);
+            met = guard.look(&moved);
+            if met.is_none() {
+                self.posture = moved;
+                self.configuration.legs[leg.0] = angles;
+                execution.elapsed = next;
+            }
+        }
+        self.feet[leg.0] = foot(&scene, &self.posture, leg);
+        met
+    }
+
+    /// As [`move_leg`](Self::move_leg) for all legs of the path, the base over its wheels.
+    fn move_body(
+        &mut self,
+        execution: &mut Execution,
+        closure: &Closure,
+        until: f64,
+    ) -> Option<Fault> {
+        let mut met = None;
+        while met.is_none()
+            && let Some(next) = execution.next_look(&self.scene, until)
+        {
+            let angles = execution.path.at(next);
+            let legs = execution.path.applied(&self.configuration.legs, &angles);
+            let fit = closure.fit(self.scene.robot(), legs);
+            met = look_at_shift(&self.scene, closure, &fit);
+            if met.is_none() {
+                (self.configuration, self.posture) = (fit.configuration, fit.posture);
+                execution.elapsed = next;
+            }
+        }
+        self.feet = feet(&self.scene, &self.posture);
+        met
     }
 
     /// Takes note of an identity; false for one that is not to be acted on: a copy of what was
@@ -299,25 +338,52 @@ impl SimRover {
     }
 
     /// The timed path of a motion, checked.
-    fn plan(&self, motion: &Motion) -> Result<(LegId, TimedPath), Refusal> {
+    fn plan(&self, motion: &Motion) -> Result<(Moving, TimedPath), Refusal> {
         let robot = self.scene.robot();
-        let (leg, knots) = match motion {
+        let (leg, knots, times) = match motion {
             Motion::JointPath { leg, knots } => {
                 let leg = leg_named(robot, leg)?;
-                let present = &self.configuration.legs[leg.0];
-                check_knots(robot, leg, knots, present)?;
-                (leg, std::iter::once(present).chain(knots).copied().collect())
+                check_count(knots.len(), KNOTS_MAX)?;
+                let times = times_of_pieces(knots.iter().map(|knot| knot.time_s))?;
+                let knots: Vec<_> = knots.iter().map(|knot| vec![knot.angles]).collect();
+                check_knots(robot, &[leg], &knots, &[self.configuration.legs[leg.0]])?;
+                (leg, knots, times)
             }
             Motion::WheelLine { leg, center } => {
                 let leg = leg_named(robot, leg)?;
                 let present = &self.configuration.legs[leg.0];
-                (leg, wheel_line(robot, &self.posture, leg, present, center)?)
+                let knots = wheel_line(robot, &self.posture, leg, present, center)?;
+                let times = vec![0.0; knots.len()];
+                (leg, knots.into_iter().map(|angles| vec![angles]).collect(), times)
             }
+            Motion::BodyPath { knots } => return self.plan_shift(knots),
             Motion::Stop => unreachable!("a stop has no path"),
         };
-        let path = TimedPath::new(knots, robot.motion().joint_speed);
+        let path = self.timed(vec![leg], knots, &times);
         predict_support(&self.scene, &self.posture, &self.feet, leg, &path)?;
-        Ok((leg, path))
+        Ok((Moving::Leg(leg), path))
+    }
+
+    fn plan_shift(&self, knots: &[BodyKnot]) -> Result<(Moving, TimedPath), Refusal> {
+        let robot = self.scene.robot();
+        check_count(knots.len(), BODY_KNOTS_MAX)?;
+        let times = times_of_pieces(knots.iter().map(|knot| knot.time_s))?;
+        let standing: Vec<LegId> = standing(&self.feet).into_iter().map(|(leg, _)| leg).collect();
+        let (legs, stances) = body_knots(robot, knots, &standing)?;
+        let all = &self.configuration.legs;
+        let present: Vec<_> = legs.iter().map(|leg| all[leg.0]).collect();
+        check_knots(robot, &legs, &stances, &present)?;
+        let path = self.timed(legs, stances, &times);
+        let closure = Closure::new(robot, &self.posture, &standing);
+        predict_shift(&self.scene, &closure, &self.feet, all, &path)?;
+        Ok((Moving::Body(closure), path))
+    }
+
+    /// The path of these legs from where they are through the knots.
+    fn timed(&self, legs: Vec<LegId>, knots: Vec<Vec<LegAngles>>, times: &[f64]) -> TimedPath {
+        let present = legs.iter().map(|leg| self.configuration.legs[leg.0]).collect();
+        let knots = std::iter::once(present).chain(knots).collect();
+        TimedPath::new(legs, knots, times, self.scene.robot().motion().joint_speed)
     }
 
     fn abort(&mut self, by: &str) {
@@ -335,6 +401,22 @@ impl SimRover {
 }
 
 impl Execution {
+    /// When to look next, no later than `until`: a look's way further, or where nothing moves at
+    /// its end. `None` at `until`.
+    fn next_look(&self, scene: &Scene, until: f64) -> Option<f64> {
+        if self.elapsed >= until {
+            return None;
+        }
+        let step = LOOK / scene.robot().motion().joint_speed;
+        let passed = self.path.length_at(self.elapsed);
+        let mut next = self.elapsed + step;
+        // No joint is faster than the joint speed: one step more is at most one look more.
+        while next < until && self.path.length_at(next + step) - passed <= LOOK {
+            next += step;
+        }
+        Some(next.min(until))
+    }
+
     fn progress(&self) -> Executing {
         let duration = self.path.duration();
         let progress = if duration > 0.0 { self.elapsed / duration } else { 1.0 };

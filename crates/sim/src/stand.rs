@@ -3,8 +3,10 @@
 use collision::{Scene, contact_center, wheel_ground};
 use geometry::ConvexPolygon;
 use nalgebra::{Point3, Vector3};
-use rover::{LegId, Posture};
-use stability::support_polygon;
+use rover::{LegId, Posture, Robot};
+use stability::{spring_share_with_preload, support_polygon};
+
+use crate::command::names;
 
 /// One wheel over the ground.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -13,6 +15,8 @@ pub(crate) struct Foot {
     pub stands: bool,
     /// The wheel's point nearest to the ground; for a standing wheel the middle of its contact (m).
     pub point: Point3<f64>,
+    /// How deep it is pressed into the ground (m), negative above it; zero where none is known.
+    pub depth: f64,
 }
 
 /// The wheel of `leg` over the ground of the scene.
@@ -20,7 +24,8 @@ pub(crate) fn foot(scene: &Scene, posture: &Posture, leg: LegId) -> Foot {
     let robot = scene.robot();
     let wheel = posture.wheel(robot, leg);
     let Some(gap) = wheel_ground(&wheel, scene.map(), |_| true).nearest else {
-        return Foot { stands: false, point: wheel.lowest_point(&Vector3::z_axis()) };
+        let point = wheel.lowest_point(&Vector3::z_axis());
+        return Foot { stands: false, point, depth: 0.0 };
     };
     let stands = gap.gap <= robot.stance().ground_tolerance;
     let point = if stands {
@@ -28,7 +33,7 @@ pub(crate) fn foot(scene: &Scene, posture: &Posture, leg: LegId) -> Foot {
     } else {
         gap.ground + Vector3::z() * gap.gap
     };
-    Foot { stands, point }
+    Foot { stands, point, depth: -gap.gap }
 }
 
 /// All wheels, by leg.
@@ -54,10 +59,27 @@ pub(crate) fn support_without(feet: &[Foot], leg: LegId) -> Option<ConvexPolygon
 
 /// The names of the legs that stand but `leg`, for people.
 pub(crate) fn names_without(scene: &Scene, feet: &[Foot], leg: LegId) -> String {
-    let names: Vec<&str> = standing(feet)
-        .into_iter()
-        .filter(|(other, _)| *other != leg)
-        .map(|(other, _)| scene.robot().leg(other).name.as_str())
-        .collect();
-    if names.is_empty() { "no leg".into() } else { names.join(", ") }
+    let others: Vec<LegId> =
+        standing(feet).into_iter().map(|(other, _)| other).filter(|other| *other != leg).collect();
+    names(scene.robot(), &others)
+}
+
+/// Vertical force of the ground on each wheel (N), by leg, zero for wheels that do not stand.
+///
+/// Legs are equal vertical springs that push only. The rover in the simulation is rigid, so its
+/// wheels stand as deep in the ground as they were driven: a wheel pressed deeper than the others
+/// by d bears more by its stiffness times d, as far as the rover does not yield.
+pub(crate) fn loads(robot: &Robot, posture: &Posture, feet: &[Foot], gravity: f64) -> Vec<f64> {
+    let standing = standing(feet);
+    let contacts: Vec<_> = standing.iter().map(|(_, contact)| *contact).collect();
+    let stiffness = robot.stance().leg_stiffness;
+    let preload: Vec<f64> = standing.iter().map(|(leg, _)| stiffness * feet[leg.0].depth).collect();
+    let com = posture.center_of_mass(robot);
+    let weight = robot.mass() * gravity;
+    let shares = spring_share_with_preload(&contacts, &com, weight, &preload);
+    let mut loads = vec![0.0; feet.len()];
+    for ((leg, _), share) in standing.iter().zip(shares.iter().flatten()) {
+        loads[leg.0] = *share;
+    }
+    loads
 }

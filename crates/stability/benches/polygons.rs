@@ -1,8 +1,9 @@
-//! Regular and conservative polygon of 6 contacts.
+//! Polygons, settlement, loads and the prepared rule of 6 contacts.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::Point3;
-use stability::{loads, settlement, support_polygon};
+use rover::StanceRules;
+use stability::{Preference, StanceGuard, loads, settlement, support_polygon};
 
 /// Six contacts near the corners of a hexagon of 2.2 m radius, on uneven ground.
 fn contacts() -> Vec<Point3<f64>> {
@@ -26,6 +27,19 @@ fn benches(c: &mut Criterion) {
     });
     c.bench_function("stability/worst settlement of 6 contacts", |b| {
         b.iter(|| settlement::worst(&contacts, &com, 0.1));
+    });
+    let rules = StanceRules {
+        leg_stiffness: 15_000.0,
+        margin: 0.15,
+        settlement: 0.1,
+        ground_tolerance: 0.02,
+        contact_radius: 0.15,
+        contact_height: 0.05,
+        camber_limit: 0.35,
+    };
+    let guard = StanceGuard::new(&contacts, &rules, Preference::Regular);
+    c.bench_function("stability/the prepared rule over 6 contacts, one center of mass", |b| {
+        b.iter(|| guard.as_ref().map(|guard| guard.spare(std::hint::black_box(&com))));
     });
     c.bench_function("stability/spring loads of 6 contacts", |b| {
         b.iter(|| loads::spring_share(&contacts, &com, 1000.0));

@@ -8,15 +8,18 @@
 //! - [`settlement`]: what is left of the margin when the ground gives way under one foot;
 //! - [`loads`]: the vertical forces on the feet, legs taken as equal springs;
 //! - [`torque`]: the joint torques that hold a posture, against their limits;
-//! - [`rule`]: all of these for one posture, and the verdict of the margin rule on them.
+//! - [`rule`]: all of these for one posture, and the verdict of the margin rule on them;
+//! - [`guard`]: that rule over fixed contacts, prepared for asking it many times.
 
+pub mod guard;
 pub mod loads;
 pub mod rule;
 pub mod settlement;
 pub mod support_polygon;
 pub mod torque;
 
-pub use loads::spring_share;
+pub use guard::StanceGuard;
+pub use loads::{spring_share, spring_share_with_preload};
 pub use rule::{Check, Preference, StanceReport, Verdict, assess, verdict};
 pub use settlement::Settlement;
 pub use support_polygon::{Margin, SupportError};

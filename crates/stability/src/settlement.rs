@@ -18,7 +18,7 @@
 //! gravity frame `g` (z up), in meters. The turn is exact, not for small angles, and the line may
 //! slope. What the other feet would touch while they rise does not enter.
 
-use nalgebra::{Point2, Point3, Rotation3, Unit};
+use nalgebra::{Isometry3, Point2, Point3, Unit, UnitQuaternion};
 
 use crate::support_polygon::regular;
 
@@ -96,7 +96,19 @@ fn tipped_margin(
     com: &Point3<f64>,
     settlement_m: f64,
 ) -> f64 {
-    let Some(axis) = Unit::try_new(line[1] - line[0], 1e-9) else { return f64::NEG_INFINITY };
+    let Some(turn) = tip(line, foot, settlement_m) else { return f64::NEG_INFINITY };
+    let feet: Vec<Point3<f64>> = contacts.iter().map(|p| turn * p).collect();
+    depth_in_hull(&feet, &(turn * com))
+}
+
+/// The motion of the rover that turns about the line through `line` until `foot` has gone down by
+/// `settlement_m` (m); `None` if the line has no direction.
+pub(crate) fn tip(
+    line: [Point3<f64>; 2],
+    foot: &Point3<f64>,
+    settlement_m: f64,
+) -> Option<Isometry3<f64>> {
+    let axis = Unit::try_new(line[1] - line[0], 1e-9)?;
     let arm = foot - line[0];
     let radial = arm - axis.into_inner() * axis.dot(&arm);
     let tangent = axis.cross(&radial);
@@ -105,19 +117,18 @@ fn tipped_margin(
     let swing = radial.z.hypot(tangent.z);
     let top = tangent.z.atan2(radial.z);
     let lowered = ((radial.z - settlement_m) / swing).clamp(-1.0, 1.0).acos();
-    let turn = Rotation3::from_axis_angle(&axis, top - lowered.copysign(top));
-    let moved = |p: &Point3<f64>| line[0] + turn * (p - line[0]);
-    let feet: Vec<Point3<f64>> = contacts.iter().map(moved).collect();
-    depth_in_hull(&feet, &moved(com))
+    let turn = UnitQuaternion::from_axis_angle(&axis, top - lowered.copysign(top));
+    let fixed = line[0].coords;
+    Some(Isometry3::from_parts((fixed - turn * fixed).into(), turn))
 }
 
 /// The contact seen at `vertex`; of two above each other the first.
-fn contact_at(contacts: &[Point3<f64>], vertex: Point2<f64>) -> Point3<f64> {
+pub(crate) fn contact_at(contacts: &[Point3<f64>], vertex: Point2<f64>) -> Point3<f64> {
     *contacts.iter().find(|c| c.xy() == vertex).expect("vertices of a hull are contacts")
 }
 
 /// The two contacts furthest apart seen along gravity.
-fn outermost(contacts: &[Point3<f64>]) -> (Point3<f64>, Point3<f64>) {
+pub(crate) fn outermost(contacts: &[Point3<f64>]) -> (Point3<f64>, Point3<f64>) {
     let order = |p: &&Point3<f64>, q: &&Point3<f64>| p.x.total_cmp(&q.x).then(p.y.total_cmp(&q.y));
     let first = contacts.iter().min_by(order).expect("two or more other feet");
     let last = contacts.iter().max_by(order).expect("two or more other feet");

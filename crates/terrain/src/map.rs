@@ -108,12 +108,8 @@ impl ElevationMap {
             }
         }
         let pyramid = MaxPyramid::new(&heights);
-        let ground = Arc::new(Ground {
-            heights,
-            pyramid,
-            holes: OnceLock::new(),
-            version: OnceLock::new(),
-        });
+        let ground =
+            Arc::new(Ground { heights, pyramid, holes: OnceLock::new(), version: OnceLock::new() });
         ElevationMap { ground, source, frame_offset: Vector3::zeros() }
     }
 

@@ -140,8 +140,20 @@ pub struct PolygonAnswer {
 pub struct JointKnot {
     /// Joint angles (rad), from the hip outward.
     pub joints_rad: Vec<f64>,
-    /// Time after the start of the command as planned (s); the simulated rover goes by its joint
-    /// speed alone.
+    /// Time after the start of the command (s), not before that of the knot before. The rover takes
+    /// this long or, where its joint speed and acceleration ask for it, a little longer; knots of
+    /// equal times are passed as fast as these allow.
+    pub time_s: f64,
+}
+
+/// One knot of a body path.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BodyKnot {
+    /// Joint angles (rad), from the hip outward, by leg: in each knot the same legs, among them all
+    /// that stand. Other legs go with the base as they are.
+    pub joints_rad: BTreeMap<String, Vec<f64>>,
+    /// Time after the start of the command (s), as in a [`JointKnot`].
     pub time_s: f64,
 }
 
@@ -156,6 +168,13 @@ pub enum CommandBody {
         leg: String,
         /// Knots in order, at least two.
         knots: Vec<JointKnot>,
+    },
+    /// Shift the body over its feet: move all standing legs at once, joint-linear between knots,
+    /// brakes on. The base follows from the wheels, which stay where they stand; the rover refuses a
+    /// path on which they would slip or it would tip. The first knot must be where the legs are.
+    BodyPath {
+        /// Knots in order, 2 to 1000.
+        knots: Vec<BodyKnot>,
     },
     /// Move one leg's wheel center along a straight line, keeping the wheel's orientation.
     WheelLine {

@@ -84,17 +84,17 @@ pub struct LegModel {
     pub name: String,
     /// URDF joints from the hip outward.
     pub joints: Vec<String>,
-    /// Limits (rad), one `[lower, upper]` a joint.
+    /// Limits (rad; m for a prismatic joint), one `[lower, upper]` a joint.
     pub limits_rad: Vec<[f64; 2]>,
-    /// Torque limits (N m).
+    /// Torque limits (N m; force limit in N for a prismatic joint).
     pub torque_limits_nm: Vec<f64>,
-    /// URDF link of the wheel.
+    /// URDF link of the wheel or of the ball foot.
     pub wheel_link: String,
-    /// URDF joint of the wheel.
+    /// URDF joint of the wheel; empty for a ball foot.
     pub wheel_joint: String,
-    /// Radius of the wheel (m).
+    /// Radius of the wheel or of the ball foot (m).
     pub wheel_radius_m: f64,
-    /// Width of the wheel (m).
+    /// Width of the wheel (m); the diameter of a ball foot.
     pub wheel_width_m: f64,
     /// Greatest distance of the wheel center from the first joint (m).
     pub reach_m: f64,

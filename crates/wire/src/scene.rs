@@ -21,14 +21,15 @@ pub struct Pose {
 pub struct RoverState {
     /// Pose of the base link in `world`.
     pub base: Pose,
-    /// Joint angles (rad) by leg, from the hip outward.
+    /// Joint angles (rad; m for a prismatic joint) by leg, from the hip outward: as many as the leg
+    /// has joints.
     pub joints_rad: BTreeMap<String, Vec<f64>>,
     /// Wheel spin (rad) by leg; zero where absent.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub wheels_rad: BTreeMap<String, f64>,
 }
 
-/// A mass fixed to a link, with an optional box around its center of mass.
+/// A mass or a tool fixed to a link for a mission, with its shapes and the joint ranges that it cuts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Payload {
@@ -41,6 +42,33 @@ pub struct Payload {
     /// Shape, centered on the center of mass.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shape: Option<PayloadShape>,
+    /// More shapes, placed in the link's frame: those of a tool, for example. At most 100.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub shapes: Vec<PlacedShape>,
+    /// Joints whose range it cuts: `[lower, upper]` (rad; m for a prismatic joint) within the
+    /// joint's own limits, by the joint's name in the URDF. At most 100.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub limits_rad: BTreeMap<String, [f64; 2]>,
+}
+
+/// A shape in a link's frame: exactly one of `box_m`, `cylinder_m` and `sphere_m`.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PlacedShape {
+    /// Center, in the link's frame (m).
+    pub position_m: [f64; 3],
+    /// Orientation in the link's frame as `[x, y, z, w]`; the link's own where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub orientation_xyzw: Option<[f64; 4]>,
+    /// Edge lengths of a box (m).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub box_m: Option<[f64; 3]>,
+    /// Radius and length of a cylinder about z (m).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cylinder_m: Option<[f64; 2]>,
+    /// Radius of a sphere (m).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sphere_m: Option<f64>,
 }
 
 /// The shape of a payload.

@@ -70,7 +70,7 @@ export class RobotView {
       node.castShadow = true;
     });
     this.ghostOfLeg = this.keep(ghostly(0.5));
-    this.ghostOfRest = this.keep(ghostly(0.2));
+    this.ghostOfRest = this.keep(ghostly(0.28));
     dress(this.ghost, model, () => this.ghostOfLeg);
     const now = this.keep(
       hatchable(new MeshBasicMaterial({ color: "#dfe7ef", transparent: true, opacity: 0.45 }), {
@@ -136,7 +136,7 @@ export class RobotView {
       });
     }
     this.ghostOfLeg.opacity = dim ? 0.25 : 0.5;
-    this.ghostOfRest.opacity = dim ? 0.1 : 0.2;
+    this.ghostOfRest.opacity = dim ? 0.12 : 0.28;
     this.poseOther(this.ghost, leg, pose?.joints_rad ?? [], pose?.stance);
   }
 

@@ -168,7 +168,7 @@ fn a_lift_from_a_footfall_in_raised_ground_is_certified_across_the_zones_top() {
     for up in (6..20).map(|cm| f64::from(cm) * 0.01) {
         let lifted = moved(robot, &configuration, Vector3::z() * up);
         for raised in [false, true] {
-            let allowance = Allowance { zone: Some(&zone), raised };
+            let allowance = Allowance { zone: Some(&zone), buffered: raised };
             let lift = certifier.certify(&configuration.legs[0], &lifted, allowance);
             assert!(lift.is_free(), "{up} m, raised {raised}: {lift:?}");
         }
@@ -202,7 +202,7 @@ fn cloud(shape: &Shape, rng: &mut ChaCha8Rng) -> Point3<f64> {
                 break Point3::new(x * radius, y * radius, u() * half_length);
             }
         },
-        Shape::Capsule { .. } | Shape::Sphere { .. } => Point3::origin(),
+        Shape::Capsule { .. } | Shape::Sphere { .. } | Shape::Mesh(_) => Point3::origin(),
     }
 }
 

@@ -12,15 +12,21 @@ mod certificates;
 mod checks;
 mod motion;
 mod oracle;
+mod other_robots;
 mod wheels;
 mod worlds;
 
 fn athlete() -> Arc<Robot> {
-    let folder = "robots/athlete/";
+    load("athlete")
+}
+
+/// A robot that ships.
+fn load(name: &str) -> Arc<Robot> {
+    let text = |file: &str| testkit::fixture_text(&format!("robots/{name}/{file}"));
     let robot = Robot::from_folder(
-        &testkit::fixture_text(&format!("{folder}robot.toml")),
-        |file| Some(testkit::fixture_text(&format!("{folder}{file}"))),
-        |_| false,
+        &text("robot.toml"),
+        |file| Some(text(file)),
+        |mesh| Some(text(mesh).into_bytes()),
     );
     Arc::new(robot.expect("the fixture loads"))
 }

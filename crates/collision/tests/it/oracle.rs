@@ -183,12 +183,13 @@ impl<'w> Oracle<'w> {
         let zone = allowance.zone.filter(|zone| is_foot && in_zone(wheel, zone));
         let own = self.world.robot().tolerances().environment;
         let environment = self.keep.environment.unwrap_or(own) + self.keep.inflation;
-        let raised = if allowance.raised { self.keep.terrain_lift } else { 0.0 };
+        let raised = if allowance.buffered { self.keep.terrain_lift } else { 0.0 };
         // One of these must hold: the clearance, and by how much the ground is raised.
         let mut rules = vec![(environment, raised)];
         let radius = self.world.robot().stance().contact_radius;
         let over = |p: &Point2<f64>| (wheel.xy() - p).norm() <= radius;
-        if is_foot && raised > 0.0 && self.keep.footfalls.iter().any(over) {
+        let at_home = is_foot && self.keep.footfalls.iter().any(over);
+        if at_home {
             rules.push((environment, 0.0));
         }
         if let Some(zone) = zone {
@@ -204,8 +205,8 @@ impl<'w> Oracle<'w> {
         found.meet(spare, (piece.link, What::Ground));
         found.unknown = found.unknown.max(self.unknown_below(piece, at, environment));
 
-        let usual = environment + self.keep.obstacle_buffer;
-        let required = if zone.is_some() { 0.0 } else { usual };
+        let buffer = if allowance.buffered && !at_home { self.keep.obstacle_buffer } else { 0.0 };
+        let required = if zone.is_some() { 0.0 } else { environment + buffer };
         for (index, thing) in self.world.things.iter().enumerate() {
             for (pose, shape) in &thing.solids {
                 let limit = required + found.spare;
@@ -282,7 +283,7 @@ impl<'w> Oracle<'w> {
             }
             (Some((leg, _)), Some((other, _))) if leg != other => Some(t.leg_leg),
             // Of one leg only those with two or more bodies between them.
-            (Some((_, 0)), Some((_, 3 | 4 | 5))) | (Some((_, 3 | 4 | 5)), Some((_, 0))) => {
+            (Some((_, 0)), Some((_, 3..=5))) | (Some((_, 3..=5)), Some((_, 0))) => {
                 Some(t.within_leg)
             }
             (Some((_, 1)), Some((_, 4 | 5))) | (Some((_, 4 | 5)), Some((_, 1))) => {
@@ -311,7 +312,8 @@ impl<'w> Oracle<'w> {
     ) -> (f64, Found) {
         let way = (b - a).abs();
         let n = (way.max() / 5e-4).ceil().max(1.0);
-        let changing = allowance.zone.is_some() || allowance.raised;
+        let changing =
+            allowance.zone.is_some() || (allowance.buffered && !self.keep.footfalls.is_empty());
         let holes = self.world.scene.map().holes().is_some();
         let step = self.levers.dot(&way) / n;
         let mut least: Option<(f64, Found)> = None;
@@ -376,6 +378,7 @@ fn pieces_of(robot: &Robot) -> Vec<Piece> {
                     (SharedShape::capsule_y(half_length, radius), upright)
                 }
                 Shape::Sphere { radius } => (SharedShape::ball(radius), UnitQuaternion::identity()),
+                Shape::Mesh(_) => panic!("the robot of these tests has no meshes"),
             };
             let sphere = shape.compute_local_bounding_sphere();
             pieces.push(Piece {
@@ -394,7 +397,7 @@ fn pieces_of(robot: &Robot) -> Vec<Piece> {
 /// The stretched leg from each joint on, its shapes' farthest point included.
 fn levers(robot: &Robot, leg: LegId, moving: &[Piece]) -> LegAngles {
     let model = robot.leg(leg);
-    let wheel = robot.joints()[model.wheel_joint].parent_from_joint.translation.vector.norm();
+    let wheel = model.wheel.carrier_from_wheel.translation.vector.norm();
     let extent = |place: usize| {
         let of_place = moving.iter().filter(|p| p.body.is_some_and(|(_, at)| at == place));
         let own = of_place.map(|p| {

@@ -18,6 +18,7 @@ fn wheel(center: Vector3<f64>, turn: Vector3<f64>) -> WheelPose {
         ),
         radius: 0.264,
         width: 0.24,
+        ball: false,
     }
 }
 

@@ -122,11 +122,7 @@ pub fn holes(half_extent: f64, n: usize, rng: &mut impl Rng) -> ElevationMap {
 
 /// The robot with a box below its chassis.
 pub fn with_payload(robot: &Arc<Robot>) -> Arc<Robot> {
-    let payload = rover::Payload {
-        link: robot.links()[0].name.clone(),
-        mass: 300.0,
-        com: Point3::new(0.0, 0.0, -0.5),
-        box_size: Some(Vector3::new(0.9, 0.9, 0.5)),
-    };
+    let (com, size) = (Point3::new(0.0, 0.0, -0.5), Vector3::new(0.9, 0.9, 0.5));
+    let payload = rover::Payload::boxed(&robot.links()[0].name, 300.0, com, size);
     Arc::new(robot.with_payloads(&[payload]).unwrap())
 }

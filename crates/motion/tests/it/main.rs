@@ -8,27 +8,27 @@ use nalgebra::Vector3;
 use rover::{Configuration, LegId, Payload, Posture, Robot};
 use terrain::ElevationMap;
 
+mod planners;
 mod sbl_scenes;
+mod shift;
 mod steps;
+mod synthetic;
+mod timing;
 
 fn athlete() -> Robot {
     let folder = "robots/athlete/";
     Robot::from_folder(
         &testkit::fixture_text(&format!("{folder}robot.toml")),
         |file| Some(testkit::fixture_text(&format!("{folder}{file}"))),
-        |_| false,
+        |_| None,
     )
     .unwrap()
 }
 
 /// The demo mission's rover: 300 kg on the chassis.
 fn loaded() -> Arc<Robot> {
-    let payload = Payload {
-        link: "chassis".into(),
-        mass: 300.0,
-        com: nalgebra::Point3::new(0.0, 0.0, 0.25),
-        box_size: Some(Vector3::new(1.2, 1.2, 0.5)),
-    };
+    let (com, edges) = (nalgebra::Point3::new(0.0, 0.0, 0.25), Vector3::new(1.2, 1.2, 0.5));
+    let payload = Payload::boxed("chassis", 300.0, com, edges);
     Arc::new(athlete().with_payloads(&[payload]).unwrap())
 }
 

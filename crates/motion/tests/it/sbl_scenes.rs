@@ -2,8 +2,9 @@
 
 use collision::{LegChecker, Obstacle, Scene};
 use motion::Unwatched;
-use motion::sbl::{SblOptions, SblOutcome, plan};
-use motion::space::{Space, distance};
+use motion::planner::{Query, SearchOutcome};
+use motion::sbl::plan;
+use motion::space::{Space, distance, edge_is_sampled_free};
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -11,11 +12,15 @@ use rover::{LegAngles, LegId, Posture, Robot};
 
 use crate::{loaded, scene, standing};
 
+/// Resolution of the edges (rad, largest joint).
+const EPSILON: f64 = 0.01;
+
 /// The leg's space straight from the checker, without the planner's own adapter.
 struct Plain<'a> {
     robot: &'a Robot,
     checker: LegChecker<'a>,
     posture: Posture,
+    n_checked: u64,
 }
 
 impl Space for Plain<'_> {
@@ -26,8 +31,18 @@ impl Space for Plain<'_> {
         &self.robot.leg(self.checker.leg()).upper
     }
     fn is_free(&mut self, q: &LegAngles) -> bool {
+        self.n_checked += 1;
         self.posture.move_leg(self.robot, self.checker.leg(), q);
         self.checker.violation(&self.posture, None).is_none()
+    }
+    fn edge_is_free(&mut self, a: &LegAngles, b: &LegAngles) -> bool {
+        edge_is_sampled_free(self, a, b, EPSILON)
+    }
+    fn epsilon(&self) -> Option<f64> {
+        Some(EPSILON)
+    }
+    fn n_checked(&self) -> u64 {
+        self.n_checked
     }
 }
 
@@ -54,7 +69,6 @@ fn every_path_of_a_thousand_scenes_is_free_at_its_own_resolution() {
     let start = standing(&robot);
     let at_rest = Posture::new(&robot, &start);
     let leg = LegId(0);
-    let options = SblOptions { max_milestones: 400, ..SblOptions::default() };
     let (mut found, mut crooked, mut scenes) = (0, 0, 0);
     let mut seed = 0;
     while scenes < 1000 {
@@ -65,6 +79,7 @@ fn every_path_of_a_thousand_scenes_is_free_at_its_own_resolution() {
             robot: &robot,
             checker: LegChecker::new(&scene, &at_rest, leg, None, None),
             posture: at_rest.clone(),
+            n_checked: 0,
         };
         let mut free = || {
             (0..60)
@@ -73,15 +88,17 @@ fn every_path_of_a_thousand_scenes_is_free_at_its_own_resolution() {
         };
         let (Some(from), Some(to)) = (free(), free()) else { continue };
         scenes += 1;
-        let result = plan(&mut space, from, to, &options, &mut rng, &mut Unwatched);
-        let SblOutcome::Found(path) = result.outcome else { continue };
+        let (budget, max_nodes) = (u64::MAX, 400);
+        let query = Query { start: from, goal: to, seed, budget, max_nodes, cell: 0.2 };
+        let result = plan(&mut space, &query, 0.5, &mut Unwatched);
+        let SearchOutcome::Found(path) = result.outcome else { continue };
         found += 1;
         crooked += u32::from(path.len() > 2);
         assert_eq!((path[0], path[path.len() - 1]), (from, to));
         for w in path.windows(2) {
             // The points that the resolution names: a power of two pieces, none above ε.
             let mut pieces = 1;
-            while distance(&w[0], &w[1]) / f64::from(pieces) > options.epsilon {
+            while distance(&w[0], &w[1]) / f64::from(pieces) > EPSILON {
                 pieces *= 2;
             }
             for i in 0..=pieces {

@@ -23,8 +23,109 @@ fn step(scene: &Scene, shift: [f64; 2], change: impl Fn(&mut StepRequest)) -> St
     let from = wheel_ground(scene, &start, leg);
     let to = Point3::new(from.x + shift[0], from.y + shift[1], 0.0);
     let mut request = StepRequest::new(leg, Target::Ground(to), 1.0);
+    request.preload = false;
     change(&mut request);
     plan_step(scene, &start, MOON, &request, &mut Unwatched)
+}
+
+#[test]
+fn at_the_end_the_wheel_is_pressed_to_its_predicted_load() {
+    let scene = scene(loaded(), &[]);
+    let robot = scene.robot();
+    let start = standing(robot);
+    let answer = step(&scene, [0.3, 0.0], |r| r.preload = true);
+    assert_eq!(answer.outcome, Outcome::Found, "{}", answer.reason);
+    let load = answer.preload.unwrap();
+    // Six equal springs on a nearly regular hexagon bear about a sixth each.
+    let sixth = robot.mass() * MOON / 6.0;
+    assert!((load / sixth - 1.0).abs() < 0.25, "{load} N of {sixth} N");
+    let last = answer.waypoints.last().unwrap();
+    assert_eq!(last.phase, Phase::Preload);
+    let end = wheel_ground(&scene, &start.with_leg(LegId(1), last.angles), LegId(1));
+    let wanted = (load / robot.stance().leg_stiffness).min(0.01);
+    assert!((end.z + wanted).abs() < 1e-6, "{} m deep, {wanted} m wanted", -end.z);
+}
+
+#[test]
+fn where_the_rule_asks_for_it_the_body_is_shifted_first() {
+    let scene = scene(loaded(), &[]);
+    let conservative = |r: &mut StepRequest| r.preference = Preference::Conservative;
+    let answer = step(&scene, [0.2, 0.1], conservative);
+    assert_eq!(answer.outcome, Outcome::Found, "{}", answer.reason);
+    let shift: Vec<_> = answer.waypoints.iter().take_while(|w| w.stance.is_some()).collect();
+    assert!(shift.len() > 1, "{}", answer.reason);
+    assert!(shift.iter().all(|w| w.phase == Phase::Shift));
+    assert!(answer.waypoints.windows(2).all(|w| w[1].time > w[0].time));
+    // The feet stay while the body goes.
+    let feet = |c: &Configuration| {
+        let posture = Posture::new(scene.robot(), c);
+        scene.robot().leg_ids().map(|leg| posture.wheel(scene.robot(), leg).center()).collect()
+    };
+    let [first, last] = [shift[0], shift[shift.len() - 1]].map(|w| w.stance.clone().unwrap());
+    let (before, after): (Vec<Point3<f64>>, Vec<Point3<f64>>) = (feet(&first), feet(&last));
+    assert!(before.iter().zip(&after).all(|(a, b)| (a - b).norm() < 1e-6));
+    let way = last.world_from_base.translation.vector - first.world_from_base.translation.vector;
+    assert!(way.norm() > 0.02, "{way}");
+    // Without leave to shift, the answer says what is missing.
+    let refused = step(&scene, [0.2, 0.1], |r| {
+        conservative(r);
+        r.may_shift = false;
+    });
+    assert_eq!(refused.outcome, Outcome::Unstable);
+    assert_eq!(refused.constraint.unwrap().name, "stability");
+}
+
+#[test]
+fn a_place_out_of_reach_is_answered_with_what_is_missing_and_the_nearest_that_works() {
+    let scene = scene(loaded(), &[]);
+    let start = standing(scene.robot());
+    let from = wheel_ground(&scene, &start, LegId(1));
+    let shift = [from.x * 0.45, from.y * 0.45];
+    let far = step(&scene, shift, |_| {});
+    assert_eq!(far.outcome, Outcome::Unreachable, "{}", far.reason);
+    let constraint = far.constraint.unwrap();
+    assert!(constraint.missing.unwrap() > 0.0, "{constraint:?}");
+    let nearest = far.nearest.unwrap();
+    let there = step(&scene, [nearest.x - from.x, nearest.y - from.y], |_| {});
+    assert_eq!(there.outcome, Outcome::Found, "{}", there.reason);
+    let asked = Point3::new(from.x + shift[0], from.y + shift[1], 0.0);
+    assert!((nearest - asked).norm() < 1.01, "{nearest} for {asked}");
+}
+
+#[test]
+fn buffers_hold_on_the_way_but_not_under_the_feet() {
+    // A low sill between start and goal: 5 cm high.
+    let start = standing(&loaded());
+    let from = wheel_ground(&scene(loaded(), &[]), &start, LegId(1));
+    let sill = Obstacle::Box {
+        world_from_box: Isometry3::translation(from.x + 0.4, from.y, 0.025),
+        half_extents: Vector3::new(0.05, 0.5, 0.025),
+    };
+    let scene = scene(loaded(), &[sill]);
+    let least_height = |answer: &StepAnswer| {
+        let transit = answer.waypoints.windows(2).filter(|w| w[1].phase == Phase::Transit);
+        let mut least = f64::INFINITY;
+        for w in transit {
+            for i in 0..=20 {
+                let q = w[0].angles.lerp(&w[1].angles, f64::from(i) / 20.0);
+                let posture = Posture::new(scene.robot(), &start.with_leg(LegId(1), q));
+                let wheel = posture.wheel(scene.robot(), LegId(1));
+                let center = wheel.center();
+                let near_foot = |x: f64| (center.x - x).hypot(center.y - from.y) <= 0.15;
+                if !near_foot(from.x) && !near_foot(from.x + 0.8) {
+                    least = least.min(wheel.lowest_point(&Vector3::z_axis()).z);
+                }
+            }
+        }
+        least
+    };
+    let raised = step(&scene, [0.8, 0.0], |r| r.buffers.terrain_lift = 0.25);
+    assert_eq!(raised.outcome, Outcome::Found, "{}", raised.reason);
+    // The waypoints are 0.20 m up, lower than the raised ground: only beside the feet is it raised.
+    assert!(least_height(&raised) >= 0.25 + 0.03 - 1e-3, "{}", least_height(&raised));
+    let buffered = step(&scene, [0.8, 0.0], |r| r.buffers.obstacle = 0.2);
+    assert_eq!(buffered.outcome, Outcome::Found, "{}", buffered.reason);
+    assert!(buffered.findings.iter().all(|f| f.ok));
 }
 
 #[test]
@@ -114,7 +215,10 @@ fn failures_say_why() {
     let high = step(&open, [0.1, 0.0], |r| r.lift = 3.0);
     assert_eq!(high.outcome, Outcome::NoLift, "{}", high.reason);
 
-    let conservative = step(&open, [0.2, 0.0], |r| r.preference = Preference::Conservative);
+    let conservative = step(&open, [0.2, 0.0], |r| {
+        r.preference = Preference::Conservative;
+        r.may_shift = false;
+    });
     assert_eq!(conservative.outcome, Outcome::Unstable, "{}", conservative.reason);
     assert!(conservative.reason.contains("at best"), "{}", conservative.reason);
 
@@ -201,7 +305,8 @@ fn a_step_in_a_boulder_field_lands_on_the_ground() {
     for leg in robot.leg_ids() {
         let from = wheel_ground(&scene, &start, leg);
         let outward = Vector3::new(from.x, from.y, 0.0).normalize() * 0.25;
-        let request = StepRequest::new(leg, Target::Ground(from + outward), 1.0);
+        let mut request = StepRequest::new(leg, Target::Ground(from + outward), 1.0);
+        request.preload = false;
         let answer = plan_step(&scene, &start, MOON, &request, &mut Unwatched);
         if answer.outcome == Outcome::Found {
             found += 1;

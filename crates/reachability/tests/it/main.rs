@@ -18,7 +18,7 @@ fn athlete() -> Arc<Robot> {
     let robot = Robot::from_folder(
         &testkit::fixture_text(&format!("{folder}robot.toml")),
         |file| Some(testkit::fixture_text(&format!("{folder}{file}"))),
-        |_| false,
+        |_| None,
     );
     Arc::new(robot.unwrap())
 }

@@ -1,5 +1,7 @@
 //! What a robot's folder may not hold, each refused by name.
 
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use rover::{ModelError, Payload, Robot};
 
 use crate::athlete;
@@ -10,7 +12,7 @@ fn load(
 ) -> Result<Robot, ModelError> {
     let toml = change_toml(testkit::fixture_text("robots/athlete/robot.toml"));
     let urdf = change_urdf(testkit::fixture_text("robots/athlete/athlete.urdf"));
-    Robot::from_folder(&toml, |_| Some(urdf), |file| file == "there.stl")
+    Robot::from_folder(&toml, |_| Some(urdf), |_| None)
 }
 
 #[track_caller]
@@ -30,9 +32,23 @@ fn refused_toml(from: &str, to: &str, word: &str) {
 #[test]
 fn hostile_urdfs_are_refused_by_name() {
     let first_box = r#"<box size="2.598 1.5 0.237"/>"#;
-    refused(|u| u.replacen(first_box, r#"<mesh filename="gone.stl"/>"#, 1), "gone.stl");
-    refused(|u| u.replacen(first_box, r#"<mesh filename="gone.stl"/>"#, 1), "not in the robot");
-    refused(|u| u.replacen(first_box, r#"<mesh filename="there.stl"/>"#, 1), "as its shape");
+    let mesh = |name: &str| format!(r#"<mesh filename="{name}"/>"#);
+    refused(|u| u.replace(first_box, &mesh("gone.stl")), "gone.stl");
+    refused(|u| u.replace(first_box, &mesh("gone.stl")), "not in the robot");
+    for outside in [
+        "/etc/passwd",
+        "../x.stl",
+        "a/../../x.stl",
+        "package://",
+        "package://x",
+        "",
+        "package://x/../y.stl",
+        "file:///x.stl",
+        "C:\\x.stl",
+        "a//b.stl",
+    ] {
+        refused(|u| u.replace(first_box, &mesh(outside)), "relative path");
+    }
     refused(|u| u.replacen("?>", "?><!DOCTYPE robot [<!ENTITY a \"b\">]>", 1), "document type");
     refused(
         |u| u.replacen("<robot", "<!ENTITY x SYSTEM \"file:///etc/passwd\"><robot", 1),
@@ -43,7 +59,7 @@ fn hostile_urdfs_are_refused_by_name() {
     refused(|u| u.replacen(r#"mass value=""#, r#"mass value="-"#, 1), "negative mass");
     refused(|u| u.replacen(r#"radius="0.264""#, r#"radius="0""#, 1), "size that is zero");
     refused(|u| u.replacen(r#"<axis xyz="0 0 1"/>"#, r#"<axis xyz="0 0 0"/>"#, 1), "no axis");
-    refused(|u| u.replacen("revolute", "prismatic", 1), "neither fixed");
+    refused(|u| u.replacen("revolute", "floating", 1), "neither fixed");
     refused(|u| u.replacen("leg1_hip_yaw_link", "nobody", 1), "no link");
     refused(|u| u.replacen("<robot", "<rowboat", 1), "cannot be read");
     refused(|_| String::new(), "cannot be read");
@@ -92,7 +108,14 @@ fn a_bad_robot_toml_is_refused_by_field() {
     refused_toml("joint_speed_rad_s = 0.1 ", "joint_speed_rad_s = 0.0 ", "joint_speed_rad_s");
     refused_toml("margin_m = 0.15", "margin_m = -0.15", "margin_m");
     refused_toml("margin_m = 0.15", "margine_m = 0.15", "margine_m");
-    refused_toml("\"leg1_hip_pitch\", ", "", "5 joints");
+    refused_toml("\"leg1_hip_pitch\", ", "", "does not hang on");
+    refused_toml(", \"leg1_ankle_roll\"]", "]", "wheel joint");
+    refused_toml("wheel_width_m = 0.24\n", "", "wheel_width_m");
+    refused_toml(
+        "wheel_width_m = 0.24\n",
+        "wheel_width_m = 0.24\nfoot_radius_m = 0.1\n",
+        "foot_link",
+    );
     refused_toml("leg1_hip_pitch", "leg2_hip_pitch", "does not hang on");
     refused_toml("wheel_joint = \"leg1_wheel\"", "wheel_joint = \"leg2_wheel\"", "wheel joint");
     refused_toml("name = \"leg2\"", "name = \"leg1\"", "twice");
@@ -106,13 +129,48 @@ fn payloads_are_checked() {
         link: "chassis".into(),
         mass: 10.0,
         com: nalgebra::Point3::origin(),
-        box_size: None,
+        shapes: Vec::new(),
+        limits: Vec::new(),
     };
     assert!(robot.with_payloads(std::slice::from_ref(&good)).is_ok());
     let heavy = Payload { mass: f64::INFINITY, ..good.clone() };
     assert!(robot.with_payloads(&[heavy]).unwrap_err().to_string().contains("mass_kg"));
     let nowhere = Payload { link: "deck".into(), ..good.clone() };
     assert!(robot.with_payloads(&[nowhere]).unwrap_err().to_string().contains("deck"));
-    let flat = Payload { box_size: Some(nalgebra::Vector3::new(1.0, 0.0, 1.0)), ..good };
-    assert!(robot.with_payloads(&[flat]).unwrap_err().to_string().contains("box_m"));
+    let edges = nalgebra::Vector3::new(1.0, 0.0, 1.0);
+    let flat = Payload::boxed("chassis", 10.0, good.com, edges);
+    assert_eq!(robot.with_payloads(&[flat]), Err(ModelError::PayloadShape));
+}
+
+#[test]
+fn no_mutation_of_a_urdf_makes_it_panic() {
+    // The quadruped cut down to its trunk and one leg: short, and with all that a URDF has.
+    let text = |file: &str| testkit::fixture_text(&format!("robots/quadruped/{file}"));
+    let mesh = text("meshes/trunk.obj");
+    let toml = text("robot.toml");
+    let toml = &toml[..toml.match_indices("[[legs]]").nth(1).expect("more legs").0];
+    let urdf = text("quadruped.urdf");
+    let one_leg = &urdf[..urdf.find("  <link name=\"FR_hip\">").expect("a second leg")];
+    let urdf = format!("{one_leg}</robot>").into_bytes();
+    let words = ["0", "-1e308", "NaN", "<link name=\"a\"/>", "\"", ">", "prismatic", "</joint>"];
+    let mut rng = ChaCha8Rng::seed_from_u64(31);
+    let mut loaded = 0;
+    for _ in 0..10_000 {
+        let mut bytes = urdf.clone();
+        for _ in 0..rng.random_range(1..4) {
+            let at = rng.random_range(0..bytes.len());
+            match rng.random_range(0..3) {
+                0 => bytes[at] = rng.random_range(b' '..=b'~'),
+                1 => drop(bytes.drain(at..(at + rng.random_range(0..60)).min(bytes.len()))),
+                _ => {
+                    let word = words[rng.random_range(0..words.len())];
+                    bytes.splice(at..at, word.bytes());
+                }
+            }
+        }
+        let urdf = String::from_utf8_lossy(&bytes).into_owned();
+        let mesh = |_: &str| Some(mesh.clone().into_bytes());
+        loaded += usize::from(Robot::from_folder(toml, |_| Some(urdf), mesh).is_ok());
+    }
+    assert!(loaded > 100, "only {loaded} of 10 000 were still robots: no evidence");
 }

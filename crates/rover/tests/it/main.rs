@@ -4,15 +4,23 @@ use rover::Robot;
 
 mod bad_input;
 mod kinematics;
+mod meshes;
+mod other_robots;
+mod payloads;
 mod statics;
 
-/// The robot that ships.
+/// The robot of the missions.
 fn athlete() -> Robot {
-    let folder = "robots/athlete/";
+    load("athlete")
+}
+
+/// A robot that ships.
+fn load(name: &str) -> Robot {
+    let text = |file: &str| testkit::fixture_text(&format!("robots/{name}/{file}"));
     Robot::from_folder(
-        &testkit::fixture_text(&format!("{folder}robot.toml")),
-        |file| Some(testkit::fixture_text(&format!("{folder}{file}"))),
-        |_| false,
+        &text("robot.toml"),
+        |file| Some(text(file)),
+        |mesh| Some(text(mesh).into_bytes()),
     )
     .expect("the fixture loads")
 }

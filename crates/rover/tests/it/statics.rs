@@ -18,12 +18,8 @@ fn the_mass_is_that_of_the_vehicle_and_symmetric() {
 #[test]
 fn a_payload_moves_the_center_of_mass_by_its_share() {
     let robot = athlete();
-    let payload = Payload {
-        link: "chassis".into(),
-        mass: 300.0,
-        com: Point3::new(0.4, 0.0, 0.25),
-        box_size: Some(Vector3::new(1.2, 1.2, 0.5)),
-    };
+    let (com, edges) = (Point3::new(0.4, 0.0, 0.25), Vector3::new(1.2, 1.2, 0.5));
+    let payload = Payload::boxed("chassis", 300.0, com, edges);
     let loaded = robot.with_payloads(&[payload]).unwrap();
     let pose = robot.pose("bent").unwrap();
     let before = Posture::new(&robot, &pose).center_of_mass(&robot);

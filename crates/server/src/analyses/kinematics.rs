@@ -2,11 +2,12 @@
 
 use collision::{PairDistance as Near, Touch, contact_center, survey};
 use nalgebra::{Isometry3, Vector3};
-use rover::{LegId, LinkId, Posture, Robot, Unreachable, Wrench, hold_torques};
+use rover::{LegId, LinkId, NoSolution, Posture, Proof, Robot, Wrench, hold_torques};
 use wire::analysis::{
     InverseKinematicsAnswer, InverseKinematicsRequest, KinematicsAnswer, KinematicsRequest,
-    LinkDistance, LinksWanted, PairDistance, STATES_MAX, StateKinematics, TARGETS_MAX,
-    TargetSolutions, ToleranceViolation, UnreachableTarget, WheelKinematics, WheelTarget,
+    LinkDistance, LinksWanted, PairDistance, STATES_MAX, SolutionResidual, StateKinematics,
+    TARGETS_MAX, TargetSolutions, ToleranceViolation, UnreachableTarget, WheelKinematics,
+    WheelTarget,
 };
 use wire::check::{self, At, RequestError};
 use wire::convert;
@@ -128,7 +129,7 @@ fn of_state(
         joint_torques_nm: convert::by_leg(robot, |leg| {
             let wrench = wrench(leg);
             let torques = hold_torques(robot, &posture, leg, scene.gravity, wrench.as_ref());
-            torques.iter().copied().collect()
+            convert::by_joint(robot.leg(leg), &torques)
         }),
     }
 }
@@ -176,13 +177,14 @@ fn of_target(
     let center = check::position(&at.field("position_m"), target.position_m)?;
     let leg = robot.leg(leg);
     let base_from_world = world_from_base.inverse();
+    let orients = leg.ik.fixes_orientation();
     let found = match (target.orientation_xyzw, target.axis) {
-        (Some(q), None) => {
+        (Some(q), None) if orients => {
             let q = check::unit_quaternion(&at.field("orientation_xyzw"), q)?;
             let world_from_wheel = Isometry3::from_parts(Vector3::from(center).into(), q);
             leg.ik.solve(leg, &(base_from_world * world_from_wheel))
         }
-        (None, Some(axis)) => {
+        (None, Some(axis)) if orients => {
             let axis = check::unit_vector(&at.field("axis"), axis)?;
             leg.ik.solve_axis(
                 leg,
@@ -190,24 +192,44 @@ fn of_target(
                 &(base_from_world.rotation * axis),
             )
         }
+        (None, None) if !orients => {
+            let world_from_wheel = Isometry3::from(Vector3::from(center));
+            leg.ik.solve(leg, &(base_from_world * world_from_wheel))
+        }
+        _ if !orients => {
+            let text = format_args!(
+                "takes position_m alone: the leg {:?} leaves the orientation of its foot free",
+                leg.name
+            );
+            return Err(RequestError::at("target_ambiguous", at, text));
+        }
         _ => {
             let text = "takes exactly one of orientation_xyzw and axis";
             return Err(RequestError::at("target_ambiguous", at, text));
         }
     };
-    let none = |nearest_m: f64, reason: &str| {
-        let unreachable = UnreachableTarget { nearest_m, reason: reason.into() };
-        TargetSolutions { solutions: Vec::new(), unreachable: Some(unreachable) }
+    let none = |nearest_m: f64, proof: Proof, reason: &str| {
+        let proven = proof == Proof::Unreachable;
+        let unreachable = UnreachableTarget { nearest_m, proven, reason: reason.into() };
+        TargetSolutions { solutions: Vec::new(), residuals: None, unreachable: Some(unreachable) }
     };
     Ok(match found {
-        Err(Unreachable { distance, reason }) => none(distance, reason),
+        Err(NoSolution { distance, proof, reason }) => none(distance, proof, reason),
         Ok(branches) => {
-            let inside = branches.iter().filter(|branch| branch.within_limits);
-            let solutions: Vec<[f64; 6]> = inside.map(|branch| branch.angles.into()).collect();
+            let inside = || branches.iter().filter(|branch| branch.within_limits);
+            let solutions: Vec<Vec<f64>> =
+                inside().map(|branch| convert::by_joint(leg, &branch.angles)).collect();
             if solutions.is_empty() {
-                none(0.0, "every branch is beyond a joint limit")
+                none(0.0, Proof::Unreachable, "every branch is beyond a joint limit")
             } else {
-                TargetSolutions { solutions, unreachable: None }
+                let residuals = inside()
+                    .map(|branch| {
+                        let residual = branch.residual?;
+                        let (position_m, angle_rad) = (residual.position, residual.angle);
+                        Some(SolutionResidual { position_m, angle_rad })
+                    })
+                    .collect();
+                TargetSolutions { solutions, residuals, unreachable: None }
             }
         }
     })

@@ -13,7 +13,7 @@ use wire::analysis::{
 };
 use wire::check::{self, At, RequestError};
 use wire::convert;
-use wire::live::{CommandBody, Footfall, JointKnot};
+use wire::live::{BodyKnot, CommandBody, Footfall, JointKnot};
 
 use super::reachability::{LIFT_M, LIFT_RANGE_M, preference};
 use crate::live::hash_text;
@@ -59,7 +59,7 @@ fn step_request(scene: &Scene, request: &PlanRequest) -> Result<StepRequest, Req
             Target::Ground(Point3::from(check::position(&at.field("position_m"), p)?))
         }
         (None, Some(joints)) => {
-            Target::Angles(convert::leg_angles(&at.field("joints_rad"), joints)?)
+            Target::Angles(convert::leg_angles(&at.field("joints_rad"), robot.leg(leg), joints)?)
         }
         _ => {
             let text = "takes exactly one of position_m and joints_rad";
@@ -140,7 +140,7 @@ fn answer(
     scene: &Scene,
     request: &PlanRequest,
     found: &StepAnswer,
-    [footfall_ms, search_ms, smoothing_ms, check_ms]: [f64; 4],
+    [shift_ms, footfall_ms, search_ms, smoothing_ms, check_ms]: [f64; 5],
 ) -> PlanAnswer {
     let robot = scene.robot();
     let leg = robot.leg_id(&request.leg).unwrap_or(LegId(0));
@@ -152,20 +152,23 @@ fn answer(
         .map(|[x, y, z]| [x, y, map.height_at(nalgebra::Point2::new(x, y)).unwrap_or(z)]);
     let statistics = &found.statistics;
     let commands = match found.outcome {
-        Outcome::Found if !request.transit_only => commands(robot, leg, &found.waypoints),
+        Outcome::Found if !request.transit_only => {
+            commands(robot, leg, &scene.configuration, &found.waypoints)
+        }
         _ => Vec::new(),
     };
+    let retreat = retreat(&request.leg, &commands);
     PlanAnswer {
         id: None,
         outcome: found.outcome.word().into(),
         reason: (!found.reason.is_empty()).then(|| found.reason.clone()),
         leg: request.leg.clone(),
         target_m,
-        waypoints: found.waypoints.iter().map(waypoint).collect(),
+        waypoints: found.waypoints.iter().map(|w| waypoint(robot, leg, w)).collect(),
         commands,
         findings: found.findings.iter().map(finding).collect(),
         statistics: PlanStatistics {
-            search_ms: footfall_ms + search_ms,
+            search_ms: shift_ms + footfall_ms + search_ms,
             smoothing_ms,
             check_ms,
             configurations_checked: statistics.n_checked,
@@ -202,7 +205,7 @@ fn answer(
             detail: found.reason.clone(),
         }),
         nearest_m: found.nearest.as_ref().map(convert::point),
-        retreat: Vec::new(),
+        retreat,
         preload_n: found.preload,
     }
 }
@@ -227,12 +230,12 @@ fn phase(phase: Phase) -> PlanPhase {
     }
 }
 
-fn waypoint(waypoint: &Waypoint) -> PlanWaypoint {
+fn waypoint(robot: &Robot, leg: LegId, waypoint: &Waypoint) -> PlanWaypoint {
     PlanWaypoint {
-        joints_rad: waypoint.angles.iter().copied().collect(),
+        joints_rad: convert::by_joint(robot.leg(leg), &waypoint.angles),
         phase: phase(waypoint.phase),
         time_s: waypoint.time,
-        stance: None,
+        stance: waypoint.stance.as_ref().map(|stance| convert::rover_state(robot, stance)),
         hold: waypoint.hold,
     }
 }
@@ -248,31 +251,103 @@ fn finding(finding: &Finding) -> PlanFinding {
     }
 }
 
-/// One command for each phase, each beginning where the one before ends.
-fn commands(robot: &Robot, leg: LegId, waypoints: &[Waypoint]) -> Vec<PlanCommand> {
+/// One command for each phase, each beginning where the one before ends. `start` is the whole robot
+/// at the first waypoint. No commands at all where a shift lacks its stances: what follows it would
+/// begin elsewhere.
+fn commands(
+    robot: &Robot,
+    leg: LegId,
+    start: &Configuration,
+    waypoints: &[Waypoint],
+) -> Vec<PlanCommand> {
     let name = &robot.leg(leg).name;
-    [Phase::Lift, Phase::Transit, Phase::Drop, Phase::Preload]
+    let parts = [Phase::Shift, Phase::Lift, Phase::Transit, Phase::Drop, Phase::Preload];
+    let of_part = |part: Phase| {
+        let first = waypoints.iter().skip(1).position(|w| w.phase == part)? + 1;
+        let last = waypoints.iter().rposition(|w| w.phase == part)?;
+        Some((part, &waypoints[first - 1..=last]))
+    };
+    parts
         .into_iter()
-        .filter_map(|part| {
-            let first = waypoints.iter().skip(1).position(|w| w.phase == part)? + 1;
-            let last = waypoints.iter().rposition(|w| w.phase == part)?;
-            let start_s = waypoints[first - 1].time;
-            let knots = waypoints[first - 1..=last].iter().map(|w| JointKnot {
-                joints_rad: w.angles.iter().copied().collect(),
-                time_s: w.time - start_s,
-            });
+        .filter_map(of_part)
+        .map(|(part, knots)| {
+            let (start_s, end_s) = (knots[0].time, knots[knots.len() - 1].time);
+            let body = match part {
+                Phase::Shift => body_path(robot, start, knots)?,
+                _ => {
+                    let knot = |w: &Waypoint| JointKnot {
+                        joints_rad: convert::by_joint(robot.leg(leg), &w.angles),
+                        time_s: w.time - start_s,
+                    };
+                    let knots = knots.iter().map(knot).collect();
+                    CommandBody::JointPath { leg: name.clone(), knots }
+                }
+            };
             let title = match part {
+                Phase::Shift => "Shift the body".into(),
                 Phase::Lift => format!("Lift {name}"),
                 Phase::Transit => format!("Move {name} over the footfall"),
                 Phase::Drop => format!("Put {name} down"),
                 Phase::Preload => format!("Press {name} down"),
-                Phase::Shift => "Shift the body".into(),
             };
-            let body = CommandBody::JointPath { leg: name.clone(), knots: knots.collect() };
-            let duration_s = waypoints[last].time - start_s;
+            let duration_s = end_s - start_s;
             Some(PlanCommand { title, phase: phase(part), body, duration_s })
         })
-        .collect()
+        .collect::<Option<_>>()
+        .unwrap_or_default()
+}
+
+/// The shift along these waypoints, which all carry the whole robot but perhaps the first, where it
+/// is as in `start`; `None` if another one does not.
+fn body_path(robot: &Robot, start: &Configuration, waypoints: &[Waypoint]) -> Option<CommandBody> {
+    let start_s = waypoints[0].time;
+    let knots = waypoints.iter().enumerate().map(|(i, w)| {
+        let stance = w.stance.as_ref().or((i == 0).then_some(start))?;
+        let joints_rad = convert::rover_state(robot, stance).joints_rad;
+        Some(BodyKnot { joints_rad, time_s: w.time - start_s })
+    });
+    Some(CommandBody::BodyPath { knots: knots.collect::<Option<_>>()? })
+}
+
+/// The way back: what undoes each command, the last one's first, each with its knots and times
+/// mirrored. The phase is that of the command that it undoes.
+fn retreat(leg: &str, commands: &[PlanCommand]) -> Vec<PlanCommand> {
+    let back = |command: &PlanCommand| {
+        let title = match command.phase {
+            PlanPhase::Shift => "Shift the body back".into(),
+            PlanPhase::Lift => format!("Put {leg} back"),
+            PlanPhase::Transit => format!("Move {leg} back"),
+            PlanPhase::Drop => format!("Lift {leg} again"),
+            PlanPhase::Preload => format!("Relieve {leg}"),
+        };
+        let (phase, duration_s) = (command.phase, command.duration_s);
+        PlanCommand { title, phase, body: mirrored(&command.body, duration_s), duration_s }
+    };
+    commands.iter().rev().map(back).collect()
+}
+
+/// The same path backward in the same time (s).
+fn mirrored(body: &CommandBody, duration_s: f64) -> CommandBody {
+    // Rounding must not make the first time negative.
+    let mirrored = |time_s: f64| (duration_s - time_s).max(0.0);
+    match body {
+        CommandBody::JointPath { leg, knots } => {
+            let back = |knot: &JointKnot| JointKnot {
+                joints_rad: knot.joints_rad.clone(),
+                time_s: mirrored(knot.time_s),
+            };
+            let knots = knots.iter().rev().map(back).collect();
+            CommandBody::JointPath { leg: leg.clone(), knots }
+        }
+        CommandBody::BodyPath { knots } => {
+            let back = |knot: &BodyKnot| BodyKnot {
+                joints_rad: knot.joints_rad.clone(),
+                time_s: mirrored(knot.time_s),
+            };
+            CommandBody::BodyPath { knots: knots.iter().rev().map(back).collect() }
+        }
+        CommandBody::WheelLine { .. } | CommandBody::Stop {} => body.clone(),
+    }
 }
 
 /// Hash of a state: FNV-1a over the bits of its numbers.
@@ -292,16 +367,16 @@ struct StageClock<'a> {
     progress: OnProgress<'a>,
     stage: Stage,
     since: Instant,
-    spent_ms: [f64; 4],
+    spent_ms: [f64; 5],
 }
 
 impl<'a> StageClock<'a> {
     fn new(stop: &'a Stop, progress: OnProgress<'a>) -> StageClock<'a> {
         let stage = Stage::Footfall;
-        StageClock { stop, progress, stage, since: Instant::now(), spent_ms: [0.0; 4] }
+        StageClock { stop, progress, stage, since: Instant::now(), spent_ms: [0.0; 5] }
     }
 
-    fn times_ms(mut self) -> [f64; 4] {
+    fn times_ms(mut self) -> [f64; 5] {
         self.close();
         self.spent_ms
     }
@@ -324,11 +399,120 @@ impl Watch for StageClock<'_> {
         self.close();
         self.stage = stage;
         let (share, doing) = match stage {
+            Stage::Shift => (0.02, "looks for a shift of the body"),
             Stage::Footfall => (0.05, "looks for ways to put the wheel down"),
             Stage::Search => (0.1, "searches a path"),
             Stage::Smoothing => (0.6, "shortens the path"),
             Stage::Check => (0.8, "checks the whole step again"),
         };
         (self.progress)(share, doing);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{Isometry3, Vector3};
+    use rover::LegAngles;
+
+    use super::*;
+    use crate::robots::Robots;
+
+    fn robot() -> Robot {
+        let robots = Robots::new(Vec::new());
+        robots.load(&At::root("robot"), "athlete").unwrap().as_ref().clone()
+    }
+
+    /// A step with every phase: (phase, time in s, is the whole robot given).
+    fn step(robot: &Robot) -> (Configuration, Vec<Waypoint>) {
+        let start = robot.pose("bent").unwrap();
+        let parts = [
+            (Phase::Shift, 0.0, false),
+            (Phase::Shift, 2.0, true),
+            (Phase::Shift, 5.0, true),
+            (Phase::Lift, 6.0, false),
+            (Phase::Transit, 7.0, false),
+            (Phase::Transit, 9.0, false),
+            (Phase::Drop, 10.0, false),
+            (Phase::Preload, 10.5, false),
+        ];
+        let waypoint = |(i, (phase, time, whole)): (usize, (Phase, f64, bool))| {
+            let mut stance = start.clone();
+            stance.world_from_base = Isometry3::translation(0.01 * i as f64, 0.0, 2.0);
+            for leg in &mut stance.legs {
+                *leg += LegAngles::repeat(0.01 * i as f64);
+            }
+            let angles = stance.legs[1];
+            Waypoint { angles, phase, time, stance: whole.then_some(stance), hold: true }
+        };
+        let waypoints = parts.into_iter().enumerate().map(waypoint).collect();
+        (start, waypoints)
+    }
+
+    fn times(body: &CommandBody) -> Vec<f64> {
+        match body {
+            CommandBody::JointPath { knots, .. } => knots.iter().map(|k| k.time_s).collect(),
+            CommandBody::BodyPath { knots } => knots.iter().map(|k| k.time_s).collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    #[test]
+    fn a_step_becomes_a_command_for_each_phase_and_the_way_back_mirrors_them() {
+        let robot = robot();
+        let (start, waypoints) = step(&robot);
+        let commands = commands(&robot, LegId(1), &start, &waypoints);
+        let of = |commands: &[PlanCommand]| -> Vec<(String, Vec<f64>)> {
+            commands.iter().map(|c| (c.title.clone(), times(&c.body))).collect()
+        };
+        let expected = [
+            ("Shift the body", vec![0.0, 2.0, 5.0]),
+            ("Lift leg2", vec![0.0, 1.0]),
+            ("Move leg2 over the footfall", vec![0.0, 1.0, 3.0]),
+            ("Put leg2 down", vec![0.0, 1.0]),
+            ("Press leg2 down", vec![0.0, 0.5]),
+        ];
+        assert_eq!(of(&commands), expected.map(|(title, times)| (title.to_owned(), times)));
+        let CommandBody::BodyPath { knots } = &commands[0].body else { panic!("no shift") };
+        assert_eq!(knots[0].joints_rad, convert::rover_state(&robot, &start).joints_rad);
+        assert!(knots.iter().all(|knot| knot.joints_rad.len() == 6));
+        // Each begins where the one before ends.
+        let CommandBody::JointPath { knots: lift, .. } = &commands[1].body else { panic!() };
+        assert_eq!(lift[0].joints_rad, knots[2].joints_rad["leg2"]);
+
+        let back = retreat("leg2", &commands);
+        let expected = [
+            ("Relieve leg2", vec![0.0, 0.5]),
+            ("Lift leg2 again", vec![0.0, 1.0]),
+            ("Move leg2 back", vec![0.0, 2.0, 3.0]),
+            ("Put leg2 back", vec![0.0, 1.0]),
+            ("Shift the body back", vec![0.0, 3.0, 5.0]),
+        ];
+        assert_eq!(of(&back), expected.map(|(title, times)| (title.to_owned(), times)));
+        let CommandBody::BodyPath { knots: shift } = &back[4].body else { panic!("no shift") };
+        assert_eq!(shift[0].joints_rad, knots[2].joints_rad);
+        assert_eq!(shift[2].joints_rad, knots[0].joints_rad);
+        // Back and back again is the way itself.
+        for (command, back) in commands.iter().zip(back.iter().rev()) {
+            assert_eq!(mirrored(&back.body, back.duration_s), command.body);
+            assert_eq!(command.phase, back.phase);
+        }
+    }
+
+    #[test]
+    fn a_step_whose_shift_lacks_its_stances_becomes_no_commands() {
+        let robot = robot();
+        let (start, mut waypoints) = step(&robot);
+        waypoints[1].stance = None;
+        assert_eq!(commands(&robot, LegId(1), &start, &waypoints), []);
+    }
+
+    #[test]
+    fn a_waypoint_carries_the_whole_rover_where_it_shifts() {
+        let robot = robot();
+        let (_, waypoints) = step(&robot);
+        let shown = waypoint(&robot, LegId(1), &waypoints[2]);
+        let base = shown.stance.unwrap().base;
+        assert!((Vector3::from(base.position_m) - Vector3::new(0.02, 0.0, 2.0)).norm() < 1e-12);
+        assert_eq!(waypoint(&robot, LegId(1), &waypoints[4]).stance, None);
     }
 }

@@ -186,7 +186,9 @@ fn derived(robot: &Robot, report: &StanceReport, frame: &RoverTelemetry) -> Stab
     // The torques that the rover reports, not those that a model would need.
     let ratio = |leg: LegId| -> Vec<f64> {
         let leg = robot.leg(leg);
-        let Some(torques) = frame.joint_torques_nm.get(&leg.name) else { return vec![0.0; 6] };
+        let Some(torques) = frame.joint_torques_nm.get(&leg.name) else {
+            return vec![0.0; leg.n_joints()];
+        };
         torques
             .iter()
             .zip(leg.effort.iter())

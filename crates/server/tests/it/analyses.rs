@@ -148,3 +148,71 @@ async fn a_plan_depends_on_its_inputs_alone() {
     assert_eq!(first["outcome"], "found", "{first}");
     assert_eq!(timeless(first), timeless(second));
 }
+
+#[tokio::test]
+async fn a_leg_has_as_many_numbers_as_joints() {
+    let ground = Ground::start().await;
+    // Thigh and calf of 0.2 m at ±0.8 rad from the vertical, a ball of 0.02 m below.
+    let height = 0.4 * 0.8_f64.cos() + 0.02;
+    let joints: serde_json::Map<String, Value> = ["FL", "FR", "RL", "RR"]
+        .map(|leg| (leg.to_owned(), json!([0.0, 0.8, -1.6])))
+        .into_iter()
+        .collect();
+    let scene = json!({
+        "robot": "quadruped", "payloads": [], "terrain": { "plane": {} },
+        "state": { "base": { "position_m": [0, 0, height], "orientation_xyzw": [0, 0, 0, 1] },
+                   "joints_rad": joints }
+    });
+    let answer = ground.post("analysis/kinematics", &json!({ "scene": scene })).await.json();
+    let state = &answer["states"][0];
+    assert_eq!(state["standing"].as_array().unwrap().len(), 4, "{state}");
+    assert_eq!(state["joint_torques_nm"]["FL"].as_array().unwrap().len(), 3);
+    assert_eq!(state["terrain_collision"], Value::Null);
+
+    let ask = |target: Value| json!({ "scene": scene, "leg": "FL", "targets": [target] });
+    let foot = json!({ "position_m": [0.2, 0.14, 0.03] });
+    let found = ground.post("analysis/inverse-kinematics", &ask(foot)).await.json();
+    let target = &found["targets"][0];
+    assert_eq!(target["solutions"][0].as_array().unwrap().len(), 3, "{found}");
+    assert!(target["residuals"][0]["position_m"].as_f64().unwrap() < 1e-9);
+    for (position, proven) in [(json!([9, 0, 0]), true), (json!([0.2, 0.14, height]), false)] {
+        let request = ask(json!({ "position_m": position }));
+        let none = ground.post("analysis/inverse-kinematics", &request).await.json();
+        assert_eq!(none["targets"][0]["unreachable"]["proven"], proven, "{none}");
+    }
+    let turned = json!({ "position_m": [0.2, 0.14, 0.03], "axis": [0, 0, -1] });
+    let refused = ground.post("analysis/inverse-kinematics", &ask(turned)).await;
+    assert_eq!(refused.code(), "target_ambiguous");
+
+    let mut six = scene.clone();
+    six["state"]["joints_rad"]["FL"] = json!([0, 0, 0, 0, 0, 0]);
+    let refused = ground.post("analysis/kinematics", &json!({ "scene": six })).await;
+    assert_eq!(refused.code(), "joint_count");
+}
+
+#[tokio::test]
+async fn a_tool_cuts_the_range_of_a_joint() {
+    let ground = Ground::start().await;
+    let with = |tool: Value| {
+        let mut scene = scene();
+        scene["payloads"] = json!([tool]);
+        json!({ "scene": scene, "leg": "leg1",
+                "targets": [{ "position_m": [1.5, 0.9, 0.264], "axis": [0, 0, -1] }] })
+    };
+    let tool = |limits: Value| {
+        json!({ "link": "chassis", "mass_kg": 50, "com_m": [0, 0, 0.1], "limits_rad": limits,
+                "shapes": [{ "position_m": [0, 0, 0.3], "cylinder_m": [0.1, 0.5] }] })
+    };
+    let free = ground.post("analysis/inverse-kinematics", &with(tool(json!({})))).await.json();
+    assert!(!free["targets"][0]["solutions"].as_array().unwrap().is_empty(), "{free}");
+    let cut = with(tool(json!({ "leg1_hip_yaw": [-0.2, 0.2] })));
+    let cut = ground.post("analysis/inverse-kinematics", &cut).await.json();
+    assert!(cut["targets"][0]["solutions"].as_array().unwrap().is_empty(), "{cut}");
+    let wide = with(tool(json!({ "leg1_hip_yaw": [-3.1, 0.2] })));
+    let refused = ground.post("analysis/inverse-kinematics", &wide).await;
+    assert_eq!(refused.code(), "payload_invalid");
+    let mut both = tool(json!({}));
+    both["shapes"][0]["sphere_m"] = json!(0.1);
+    let refused = ground.post("analysis/inverse-kinematics", &with(both)).await;
+    assert_eq!(refused.code(), "payload_invalid");
+}

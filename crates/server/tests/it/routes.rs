@@ -186,6 +186,45 @@ async fn commands_by_hand_are_checked_and_a_repeat_stages_nothing_twice() {
     let far = json!([{ "joints_rad": [0, 0, 0, 0, 0, 9], "time_s": 0 }, { "joints_rad": joints, "time_s": 1 }]);
     let far = json!({ "body": { "type": "joint_path", "leg": "leg1", "knots": far } });
     assert_eq!(ground.post("commands", &far).await.code(), "out_of_range");
+    let shift = |knots: serde_json::Value| json!({ "dry_run": true, "body": { "type": "body_path", "knots": knots } });
+    let all = rover["latest"]["frame"]["state"]["joints_rad"].clone();
+    let knot =
+        |joints: &serde_json::Value, time: f64| json!({ "joints_rad": joints, "time_s": time });
+    let good = ground.post("commands", &shift(json!([knot(&all, 0.0), knot(&all, 2.5)]))).await;
+    assert_eq!(good.status, 200, "{}", good.json());
+    assert_eq!(good.json()["title"], "Shift the body through 2 knots");
+    assert_eq!(good.json()["duration_s"], 2.5);
+    let mut five = all.clone();
+    five.as_object_mut().unwrap().remove("leg4");
+    let mut beyond = all.clone();
+    beyond["leg2"][2] = json!(9);
+    let mut off = all.clone();
+    off["leg2"][0] = json!(all["leg2"][0].as_f64().unwrap() + 0.1);
+    for (knots, code, text) in [
+        (json!([knot(&all, 0.0)]), "command_invalid", "body.knots takes two knots or more"),
+        (
+            json!([knot(&five, 0.0), knot(&five, 1.0)]),
+            "command_invalid",
+            "lacks leg4, which stands",
+        ),
+        (
+            json!([knot(&all, 0.0), knot(&five, 1.0)]),
+            "command_invalid",
+            "other legs than the first",
+        ),
+        (
+            json!([knot(&all, 0.0), knot(&beyond, 1.0)]),
+            "out_of_range",
+            "knots[1].joints_rad.leg2[2] is 9",
+        ),
+        (json!([knot(&off, 0.0), knot(&all, 1.0)]), "command_invalid", "it is 0.1000 rad away"),
+        (json!([knot(&all, 2.0), knot(&all, 1.0)]), "out_of_range", "knots[1].time_s is 1;"),
+        (json!(vec![knot(&all, 0.0); 1001]), "too_many", "body.knots has 1001 elements"),
+    ] {
+        let answer = ground.post("commands", &shift(knots)).await;
+        assert_eq!(answer.code(), code, "{}", answer.json());
+        assert!(answer.json().to_string().contains(text), "{}", answer.json());
+    }
     let both = json!({ "plan": { "plan_id": "x", "index": 0 }, "body": { "type": "stop" } });
     assert_eq!(ground.post("commands", &both).await.code(), "target_ambiguous");
 }

@@ -7,38 +7,42 @@ use collision::{Scene, wheel_ground};
 use geometry::{Grid, Raster};
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
 use rover::{Configuration, LegAngles, LegId, Payload, Posture, Robot};
-use sim::{Command, Event, Motion, SettleOptions, SimRover, Stage, settle};
+use sim::{BodyKnot, Command, Event, JointKnot, Motion, SettleOptions, SimRover, Stage, settle};
 use terrain::{ElevationMap, Source};
 
 mod events;
 mod motion;
+mod preload;
 mod properties;
 mod refusals;
 mod settling;
+mod shift;
 mod stops;
+mod timing;
 
 /// Moon.
 const GRAVITY: f64 = 1.62;
 
-/// The robot that ships.
+/// The robot of the missions.
 fn athlete() -> Robot {
-    let folder = "robots/athlete/";
+    load("athlete")
+}
+
+/// A robot that ships.
+fn load(name: &str) -> Robot {
+    let text = |file: &str| testkit::fixture_text(&format!("robots/{name}/{file}"));
     Robot::from_folder(
-        &testkit::fixture_text(&format!("{folder}robot.toml")),
-        |file| Some(testkit::fixture_text(&format!("{folder}{file}"))),
-        |_| false,
+        &text("robot.toml"),
+        |file| Some(text(file)),
+        |mesh| Some(text(mesh).into_bytes()),
     )
     .unwrap()
 }
 
 /// The robot of the demo mission: 300 kg on the chassis.
 fn demo_robot() -> Robot {
-    let payload = Payload {
-        link: "chassis".into(),
-        mass: 300.0,
-        com: Point3::new(0.0, 0.0, 0.25),
-        box_size: Some(Vector3::new(1.2, 1.2, 0.5)),
-    };
+    let (com, edges) = (Point3::new(0.0, 0.0, 0.25), Vector3::new(1.2, 1.2, 0.5));
+    let payload = Payload::boxed("chassis", 300.0, com, edges);
     athlete().with_payloads(&[payload]).unwrap()
 }
 
@@ -82,10 +86,54 @@ fn command(id: &str, motion: Motion) -> Command {
 /// From where the leg is through these offsets from there (rad).
 fn path_by(rover: &SimRover, leg: usize, offsets: &[LegAngles]) -> Motion {
     let here = rover.configuration().legs[leg];
-    let knots = std::iter::once(here).chain(offsets.iter().map(|offset| here + offset)).collect();
-    Motion::JointPath { leg: format!("leg{}", leg + 1), knots }
+    let knots = std::iter::once(here).chain(offsets.iter().map(|offset| here + offset));
+    joint_path(&format!("leg{}", leg + 1), knots.map(|angles| (angles, 0.0)))
 }
 
+/// A path through angles (rad) at times (s).
+fn joint_path(leg: &str, knots: impl IntoIterator<Item = (LegAngles, f64)>) -> Motion {
+    let knots = knots.into_iter().map(|(angles, time_s)| JointKnot { angles, time_s }).collect();
+    Motion::JointPath { leg: leg.into(), knots }
+}
+
+/// How long a motion of one piece takes whose slowest joint goes this far (s), as fast as it can:
+/// 0.1 rad/s with half a second to speed up and to slow down.
+fn quickest(angle: f64) -> f64 {
+    assert!(angle >= 0.05);
+    angle / 0.1 + 0.5
+}
+
+/// Angles (rad) of all legs with the base moved by `by` (in the base's frame) and all wheels where
+/// they are: of each leg the nearest solution.
+fn shifted(robot: &Robot, configuration: &Configuration, by: &Isometry3<f64>) -> Vec<LegAngles> {
+    let before = Posture::new(robot, configuration);
+    let world_from_base = configuration.world_from_base * by;
+    let after = Posture::new(robot, &Configuration { world_from_base, ..configuration.clone() });
+    let solve = |leg: LegId| {
+        let wheel = before.wheel(robot, leg).world_from_wheel;
+        let all = after.inverse_kinematics(robot, leg, &wheel).unwrap();
+        let change = |angles: &LegAngles| (angles - configuration.legs[leg.0]).amax();
+        let within = all.iter().filter(|s| s.within_limits).map(|s| s.angles);
+        within.min_by(|a, b| change(a).total_cmp(&change(b))).unwrap()
+    };
+    robot.leg_ids().map(solve).collect()
+}
+
+/// Knots of a shift by `by` in `n` equal pieces, each `piece_s` long (s).
+fn shift_knots(rover: &SimRover, by: &Isometry3<f64>, n: usize, piece_s: f64) -> Vec<BodyKnot> {
+    let robot = rover.scene().robot();
+    let turn = by.rotation.scaled_axis();
+    (0..=n)
+        .map(|i| {
+            let share = i as f64 / n as f64;
+            let part = Isometry3::new(by.translation.vector * share, turn * share);
+            let angles = shifted(robot, rover.configuration(), &part);
+            let name = |leg: LegId| robot.leg(leg).name.clone();
+            let legs = robot.leg_ids().map(|leg| (name(leg), angles[leg.0])).collect();
+            BodyKnot { legs, time_s: piece_s * i as f64 }
+        })
+        .collect()
+}
 /// Hip pitch up by `angle` (rad): lifts the wheel.
 fn raise(angle: f64) -> LegAngles {
     LegAngles::new(0.0, -angle, 0.0, 0.0, 0.0, 0.0)

@@ -8,7 +8,7 @@ use sim::{Mode, Motion, SettleOptions, SimRover, Stage, settle};
 use stability::support_polygon;
 use terrain::synthetic::{Recipe, generate};
 
-use crate::{GRAVITY, athlete, command, gap, scene, stages, wheel_center};
+use crate::{GRAVITY, athlete, command, gap, joint_path, scene, stages, wheel_center};
 
 fn small_rover(seed: u64) -> SimRover {
     let recipe =
@@ -36,7 +36,7 @@ fn random_motion(rng: &mut ChaCha8Rng, rover: &SimRover) -> Motion {
                 step[1] -= 0.2;
                 knots.push(knots[knots.len() - 1] + step);
             }
-            Motion::JointPath { leg: name, knots }
+            joint_path(&name, knots.into_iter().map(|angles| (angles, 0.0)))
         }
     }
 }

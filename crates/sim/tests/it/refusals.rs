@@ -5,8 +5,8 @@ use rover::LegAngles;
 use sim::{Basis, Command, Event, KNOTS_MAX, Mode, Motion, SettleOptions, SimRover, Stage, settle};
 
 use crate::{
-    GRAVITY, command, demo_robot, last_detail, on_plane, path_by, plane, raise, scene, stages,
-    wheel_center,
+    GRAVITY, command, demo_robot, joint_path, last_detail, on_plane, path_by, plane, raise, scene,
+    stages, wheel_center,
 };
 
 /// The last stage and what was said, after `motion` was commanded to an idle rover.
@@ -25,7 +25,7 @@ fn here(leg: usize) -> LegAngles {
 }
 
 fn path(leg: &str, knots: Vec<LegAngles>) -> Motion {
-    Motion::JointPath { leg: leg.into(), knots }
+    joint_path(leg, knots.into_iter().map(|angles| (angles, 0.0)))
 }
 
 #[test]

@@ -243,3 +243,15 @@ fn a_rover_is_only_made_where_it_stands() {
         refused(&|c| [0, 1, 2].iter().for_each(|leg| c.legs[*leg] += crate::raise(0.3)), GRAVITY);
     assert!(up.contains("outside the support"), "{up}");
 }
+
+#[test]
+fn robots_with_other_legs_settle_on_ground_of_their_size() {
+    for (name, scale) in [("quadruped", 0.2), ("hexapod", 0.1), ("slider", 0.5)] {
+        let robot = crate::load(name);
+        let hill = ground(|x, y| 0.05 * scale * (0.7 * x).sin() * (0.5 * y).cos());
+        let scene = scene(robot, hill);
+        let options = SettleOptions::default();
+        let settled = settle(&scene, Point2::new(0.2, 0.1), 0.4, "standing", &options).unwrap();
+        check_stands(&scene, &settled);
+    }
+}

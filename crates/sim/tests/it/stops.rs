@@ -21,12 +21,12 @@ fn a_stop_ends_the_motion_where_it_is_and_the_rover_takes_commands_again() {
     run(&mut rover, 1.0);
     rover.command(command("halt", Motion::Stop));
     let halted = rover.configuration().clone();
-    assert!((halted.legs[1] - start - raise(0.1)).amax() < 1e-9);
+    assert!((halted.legs[1] - start - raise(0.075)).amax() < 1e-9);
     run(&mut rover, 3.0);
     assert_eq!(rover.configuration(), &halted);
     let events = rover.take_events();
     assert_eq!(stages(&events, "up"), [Stage::Received, Stage::Started, Stage::Aborted]);
-    assert_eq!(last_detail(&events, "up"), "ended by a stop command after 25 % of its time");
+    assert_eq!(last_detail(&events, "up"), "ended by a stop command after 22 % of its time");
     assert_eq!(stages(&events, "halt"), [Stage::Received, Stage::Completed]);
     let motion = path_by(&rover, 1, &[-raise(0.1)]);
     rover.command(command("down", motion));

@@ -3,7 +3,7 @@
 use geometry::ConvexRegion;
 use nalgebra::{Point2, Point3};
 use stability::support_polygon::{conservative, regular};
-use stability::{SupportError, settlement, spring_share};
+use stability::{SupportError, settlement, spring_share, spring_share_with_preload};
 
 use crate::hexagon;
 
@@ -101,4 +101,16 @@ fn stances_far_from_the_origin_keep_their_region() {
     let com = Point3::origin() + far;
     let loads = spring_share(&contacts, &com, 6.0).unwrap();
     assert!(loads.iter().all(|f| (f - 1.0).abs() < 1e-9), "{loads:?}");
+}
+
+#[test]
+fn preloads_that_are_none_give_no_loads() {
+    let com = Point3::new(0.0, 0.0, 1.0);
+    let share =
+        |weight, preload: &[f64]| spring_share_with_preload(&hexagon(), &com, weight, preload);
+    assert_eq!(share(1.0, &[0.0; 5]), None);
+    assert_eq!(share(1.0, &[0.0, 0.0, f64::NAN, 0.0, 0.0, 0.0]), None);
+    assert_eq!(share(0.0, &[1.0; 6]), None);
+    assert_eq!(share(0.0, &[0.0; 6]), Some(vec![0.0; 6]));
+    assert_eq!(share(6.0, &[0.0; 6]), spring_share(&hexagon(), &com, 6.0));
 }

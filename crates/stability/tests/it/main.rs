@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use rover::{Configuration, LegId, Payload, Posture, Robot};
 
 mod degenerate;
+mod guard;
 mod oracle;
 mod paper;
 mod properties;
@@ -16,7 +17,7 @@ fn athlete() -> Robot {
     Robot::from_folder(
         &testkit::fixture_text(&format!("{folder}robot.toml")),
         |file| Some(testkit::fixture_text(&format!("{folder}{file}"))),
-        |_| false,
+        |_| None,
     )
     .expect("the fixture loads")
 }
@@ -28,7 +29,8 @@ fn loaded() -> Robot {
         link: "chassis".into(),
         mass: 0.35 * robot.mass(),
         com: Point3::origin(),
-        box_size: None,
+        shapes: Vec::new(),
+        limits: Vec::new(),
     };
     robot.with_payloads(&[payload]).expect("the fixture has it")
 }

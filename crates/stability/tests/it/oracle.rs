@@ -92,18 +92,31 @@ fn after_turn(
 /// Loads of equal springs by trying every set of carrying feet: the one whose linear loads are
 /// none negative, while the others would be pulled. Three feet or more carry, borders apart.
 pub fn spring_loads(contacts: &[Point3<f64>], com: &Point3<f64>, weight: f64) -> Option<Vec<f64>> {
+    preloaded_loads(contacts, com, weight, &vec![0.0; contacts.len()])
+}
+
+/// As [`spring_loads`], each foot with a load of its own (N) before the rover sinks and tilts.
+pub fn preloaded_loads(
+    contacts: &[Point3<f64>],
+    com: &Point3<f64>,
+    weight: f64,
+    preload: &[f64],
+) -> Option<Vec<f64>> {
     let row = |p: &Point3<f64>| Vector3::new(1.0, p.x, p.y);
     let sets = (1_u32..1 << contacts.len()).filter(|set| set.count_ones() >= 3);
     sets.into_iter().find_map(|set| {
         let carries = |i: usize| set >> i & 1 == 1;
         let mut stiffness = Matrix3::zeros();
+        let mut missing = row(com) * weight;
         for (i, p) in contacts.iter().enumerate() {
             if carries(i) {
                 stiffness += row(p) * row(p).transpose();
+                missing -= row(p) * preload[i];
             }
         }
-        let plane = stiffness.try_inverse()? * (row(com) * weight);
-        let loads: Vec<f64> = contacts.iter().map(|p| plane.dot(&row(p))).collect();
+        let plane = stiffness.try_inverse()? * missing;
+        let loads: Vec<f64> =
+            contacts.iter().zip(preload).map(|(p, own)| plane.dot(&row(p)) + own).collect();
         let slack = 1e-9 * weight;
         let right = loads
             .iter()

@@ -5,7 +5,7 @@ use nalgebra::{Point2, Point3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use stability::support_polygon::{conservative, margin, regular};
-use stability::{settlement, spring_share};
+use stability::{settlement, spring_share, spring_share_with_preload};
 
 use crate::oracle;
 
@@ -208,6 +208,35 @@ fn spring_loads_are_those_of_the_one_right_set_of_carrying_feet() {
         compared += 1;
     }
     assert!(compared > 2_000 && idle_feet > 500, "{compared} stances, {idle_feet} idle feet");
+}
+
+#[test]
+fn preloaded_springs_push_only_and_balance_as_the_one_right_set_of_feet_does() {
+    let mut rng = ChaCha8Rng::seed_from_u64(28);
+    let (mut idle_feet, mut compared) = (0, 0);
+    for _ in 0..5_000 {
+        let n = rng.random_range(3..9);
+        let (stance, com) = (random_stance(&mut rng, n), random_com(&mut rng));
+        let preload: Vec<f64> = (0..n).map(|_| rng.random_range(-3_000.0..3_000.0)).collect();
+        let loads = spring_share_with_preload(&stance, &com, 5_000.0, &preload);
+        let (Some(loads), Some(expected)) =
+            (loads, oracle::preloaded_loads(&stance, &com, 5_000.0, &preload))
+        else {
+            continue;
+        };
+        for (load, expected) in loads.iter().zip(&expected) {
+            assert!((load - expected).abs() < 1e-4, "{loads:?} {expected} {stance:?} {com}");
+        }
+        check_balance(&stance, &com, &loads, 5_000.0, 1e-11);
+        // What all feet have in common, and what a tilt levels, changes nothing.
+        let tilt = |(p, own): (&Point3<f64>, &f64)| own + 700.0 - 300.0 * p.x + 450.0 * p.y;
+        let tilted: Vec<f64> = stance.iter().zip(&preload).map(tilt).collect();
+        let same = spring_share_with_preload(&stance, &com, 5_000.0, &tilted).unwrap();
+        assert!(same.iter().zip(&loads).all(|(a, b)| (a - b).abs() < 1e-4), "{same:?} {loads:?}");
+        idle_feet += loads.iter().filter(|f| **f == 0.0).count();
+        compared += 1;
+    }
+    assert!(compared > 1_000 && idle_feet > 500, "{compared} stances, {idle_feet} idle feet");
 }
 
 #[test]

@@ -65,7 +65,7 @@ pub struct StateKinematics {
     /// `obstacle` stand for ground and obstacles.
     pub violates_tolerance: Vec<ToleranceViolation>,
     /// Torques that hold the state under gravity, loads shared among the standing wheels as by
-    /// equal springs (N m), by leg from the hip outward.
+    /// equal springs (N m; forces in N of prismatic joints), by leg from the hip outward.
     pub joint_torques_nm: BTreeMap<String, Vec<f64>>,
 }
 
@@ -133,7 +133,8 @@ pub struct InverseKinematicsRequest {
     pub budget: Option<u64>,
 }
 
-/// Where a wheel is to be: its center, and exactly one of `orientation_xyzw` and `axis`.
+/// Where a wheel is to be: its center, and exactly one of `orientation_xyzw` and `axis`. For a leg of
+/// fewer than six joints or with a ball foot the center alone, and neither.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WheelTarget {
@@ -157,18 +158,34 @@ pub struct InverseKinematicsAnswer {
 /// The branches of one target.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct TargetSolutions {
-    /// Joint angles (rad) of every branch within the limits.
-    pub solutions: Vec<[f64; 6]>,
+    /// Joint angles (rad; m for a prismatic joint) of every branch within the limits, or, where the
+    /// leg has no closed form, of the solutions that iteration finds: at most 8.
+    pub solutions: Vec<Vec<f64>>,
+    /// Residual of each solution; absent for the closed form, which is exact to rounding.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub residuals: Option<Vec<SolutionResidual>>,
     /// Why there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unreachable: Option<UnreachableTarget>,
 }
 
+/// By how much forward kinematics of a solution misses its target.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct SolutionResidual {
+    /// Distance of the wheel center from where it should be (m).
+    pub position_m: f64,
+    /// Turn that is missing (rad); zero where the orientation is free.
+    pub angle_rad: f64,
+}
+
 /// Why a target has no solution.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct UnreachableTarget {
-    /// How far the leg's wrist misses its reachable shell (m); zero where only limits forbid it.
+    /// How far the leg's wrist misses its reachable shell (m); zero where only limits forbid it. For
+    /// a leg without closed form how far the target is beyond its reach, or how near iteration came.
     pub nearest_m: f64,
+    /// True if it is proven that there is no solution; false if iteration found none.
+    pub proven: bool,
     /// What forbids it.
     pub reason: String,
 }

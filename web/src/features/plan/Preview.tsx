@@ -9,6 +9,9 @@ import { formatSpan } from "../../lib/time";
 import { useConsole } from "../../store/console";
 import { planDuration, scrubTo, stopPlaying, togglePlaying, usePlan } from "../../store/plan";
 
+/** Whole steps, so that the last of them is the very end. */
+const SCRUB_STEPS = 200;
+
 export function Preview({ plan }: { plan: PlanAnswer }) {
   const { at_s, playing } = usePlan();
   const length = planDuration(plan);
@@ -34,12 +37,11 @@ export function Preview({ plan }: { plan: PlanAnswer }) {
             aria-label="Place in the preview"
             aria-valuetext={`${formatSpan(at_s)}, ${phase}`}
             min={0}
-            max={length}
-            step={length / 200 || 0.01}
-            value={at_s}
+            max={SCRUB_STEPS}
+            value={length > 0 ? Math.round((at_s / length) * SCRUB_STEPS) : 0}
             onChange={(event) => {
               stopPlaying();
-              scrubTo(Number(event.target.value));
+              scrubTo((Number(event.target.value) / SCRUB_STEPS) * length);
             }}
           />
           <Phases plan={plan} length={length} at_s={at_s} />

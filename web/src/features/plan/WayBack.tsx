@@ -1,5 +1,7 @@
 // The way back from where the step stands: the same path backward. Information only, it is not staged.
 
+import { ChevronRight } from "lucide-react";
+
 import type { PlanAnswer } from "../../api/types";
 import { readable } from "../../lib/format";
 import { wayBack } from "../../lib/planWords";
@@ -16,9 +18,12 @@ export function WayBack({ plan }: { plan: PlanAnswer }) {
   const whole_s = back.reduce((sum, c) => sum + c.duration_s, 0);
   return (
     <details className="section way-back" data-testid="way-back">
-      <summary>
-        Way back <span className="quiet small num">{formatSpan(whole_s)}</span>
+      <summary className="options-head">
+        <ChevronRight size={14} aria-hidden />
+        Way back
+        <span className="quiet num">{formatSpan(whole_s)}</span>
       </summary>
+      <p className="quiet small">What would undo the commands that are done; nothing is staged.</p>
       <ol>
         {back.map((command, i) => (
           <li key={i} className="row between">

@@ -1,0 +1,79 @@
+//! Whether the whole body is clear while it is shifted.
+
+use std::collections::BTreeMap;
+
+use collision::{Scene, Survey, Touch, survey};
+use rover::{Configuration, LegId, Posture};
+
+use super::executed::Executed;
+use crate::check::touch_text;
+
+/// Largest change of a joint between two configurations looked at (rad).
+const STEP: f64 = 0.01;
+
+/// Distances below the tolerance by rounding alone pass (m).
+const ROUNDING: f64 = 1e-7;
+
+/// Says whether pieces of a shift are free of collisions.
+pub trait BodyClear {
+    /// Is the executed motion between two knots free? The error says what is in the way, in words.
+    fn piece(&mut self, a: &Configuration, b: &Configuration) -> Result<(), String>;
+}
+
+/// Surveys the whole robot at points no farther apart than 0.01 rad: what is thinner than the way
+/// between two points can be missed.
+///
+/// Every pair keeps its tolerance, or, where it is nearer than that already, does not come nearer
+/// than at the start (by more than a tenth of its distance there).
+pub struct SampledBody<'a> {
+    scene: &'a Scene,
+    standing: Vec<LegId>,
+    at_start: BTreeMap<String, f64>,
+}
+
+impl<'a> SampledBody<'a> {
+    /// Prepares for shifts from `start` with these legs standing.
+    pub fn new(scene: &'a Scene, start: &Configuration, standing: &[LegId]) -> SampledBody<'a> {
+        let seen = survey(scene, &Posture::new(scene.robot(), start));
+        let at_start = near(&seen).map(|pair| (key(pair.touch), pair.distance)).collect();
+        SampledBody { scene, standing: standing.to_vec(), at_start }
+    }
+
+    fn posture(&self, configuration: &Configuration) -> Result<(), String> {
+        let seen = survey(self.scene, &Posture::new(self.scene.robot(), configuration));
+        let blocked = near(&seen).find(|pair| {
+            let before = self.at_start.get(&key(pair.touch)).map_or(pair.tolerance, |d| 0.9 * d);
+            pair.distance <= 0.0 || pair.distance < before.min(pair.tolerance) - ROUNDING
+        });
+        match blocked {
+            None => Ok(()),
+            Some(pair) if pair.distance <= 0.0 => Err(touch_text(self.scene, pair.touch)),
+            Some(pair) => Err(format!(
+                "{}: {:.3} m apart of {:.3} m",
+                touch_text(self.scene, pair.touch),
+                pair.distance,
+                pair.tolerance
+            )),
+        }
+    }
+}
+
+fn near(seen: &Survey) -> impl Iterator<Item = &collision::PairDistance> {
+    seen.links.iter().chain(&seen.environment)
+}
+
+fn key(touch: Touch) -> String {
+    format!("{touch:?}")
+}
+
+impl BodyClear for SampledBody<'_> {
+    fn piece(&mut self, a: &Configuration, b: &Configuration) -> Result<(), String> {
+        let change = a.legs.iter().zip(&b.legs).map(|(a, b)| (b - a).amax()).fold(0.0, f64::max);
+        let n = (change / STEP).ceil().clamp(1.0, 1e6) as usize;
+        if change == 0.0 {
+            return self.posture(a);
+        }
+        let executed = Executed::new(self.scene.robot(), a, b, &self.standing);
+        (0..=n).try_for_each(|i| self.posture(&executed.at(i as f64 / n as f64).0))
+    }
+}

@@ -1,0 +1,426 @@
+//! Closed-form inverse kinematics of a leg that ends in a spherical wrist.
+//!
+//! The leg is recognized by its joint axes at angle zero: axis 2 perpendicular to axis 1, axis 3
+//! parallel to axis 2, and axes 4 to 6 meeting in one point (the *wrist*) with axis 5
+//! perpendicular to axes 4 and 6. Then the wrist's position depends on joints 1 to 3 alone
+//! (Pieper's decomposition): two hip-yaw branches times two knee branches, and two wrist branches
+//! each: 8 at most (H23, F44). Joints 4 to 6 follow from the orientation.
+//!
+//! By the product of exponentials the pose at joint angles q is R₁(q₁)…R₆(q₆) applied to the pose
+//! at zero. Turns are carried as cosine and sine, so that each joint of each branch costs one
+//! arctangent. Two bases are used beside the base link's:
+//!
+//! - *plane*: x outward, y along axis 2, w against axis 1, of the leg at hip yaw zero. It is
+//!   left-handed: a positive turn about axis 2 goes from x to w, one about axis 1 from x to y.
+//! - *wrist*: axis 4, axis 5 × axis 4, axis 5, of the leg at zero.
+
+use std::f64::consts::{PI, TAU};
+
+use arrayvec::ArrayVec;
+use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
+
+use super::{Branch, Chain, IkSolution, IkSolutions, NoSolution, Proof};
+use crate::model::{JointKind, Leg};
+use crate::posture::LegAngles;
+
+/// How far axes may miss being parallel, perpendicular or concurrent (rad, m at scale 1).
+const AXIS_TOLERANCE: f64 = 1e-9;
+
+/// Joint angles beyond a limit by rounding alone count as on the limit (rad).
+const LIMIT_SLACK: f64 = 1e-9;
+
+/// Sine of the wrist's bend below which joints 4 and 6 turn about the same axis.
+const SINGULAR: f64 = 1e-9;
+
+/// The closed form of one leg.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LegIk {
+    /// A point on axis 1.
+    hip: Point3<f64>,
+    /// From the base's coordinates to the plane's, from the plane's to the wrist's.
+    plane_from_base: Matrix3<f64>,
+    wrist_from_plane: Matrix3<f64>,
+    /// A point on axis 2 as seen from the hip, in the plane (m).
+    shoulder: Vector3<f64>,
+    /// Offset of the wrist from axis 1 along axis 2 (m).
+    offset: f64,
+    /// Lengths from axis 2 to axis 3 and from axis 3 to the wrist (m).
+    thigh: f64,
+    calf: f64,
+    /// Direction of the thigh in the plane at zero, from x to w.
+    thigh_direction: Turn,
+    /// Turn from the calf's direction to the thigh's at zero.
+    knee_zero: Turn,
+    /// +1 if axis 3 points along axis 2, -1 if against it.
+    axis_3_sign: f64,
+    /// Angle from axis 4 to axis 6 about axis 5 at zero (rad).
+    wrist_zero: f64,
+    /// Axes 5 and 6 in the wheel's frame at zero, and the wrist there (m).
+    axis_5_in_wheel: Vector3<f64>,
+    axis_6_in_wheel: Vector3<f64>,
+    wheel_from_wrist: Point3<f64>,
+}
+
+/// An angle with its cosine and sine.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Turn {
+    angle: f64,
+    cos: f64,
+    sin: f64,
+}
+
+impl Turn {
+    fn of(angle: f64) -> Turn {
+        let (sin, cos) = angle.sin_cos();
+        Turn { angle, cos, sin }
+    }
+
+    /// The angle in (-π, π] with this cosine and sine.
+    fn from_cos_sin(cos: f64, sin: f64) -> Turn {
+        Turn { angle: atan2(sin, cos), cos, sin }
+    }
+}
+
+/// As the function of the standard library, in (-π, π].
+fn atan2(y: f64, x: f64) -> f64 {
+    let angle = y.atan2(x);
+    if angle <= -PI { PI } else { angle }
+}
+
+/// An angle within one turn of (-π, π], wrapped to it.
+fn wrapped(angle: f64) -> f64 {
+    if angle > PI {
+        angle - TAU
+    } else if angle <= -PI {
+        angle + TAU
+    } else {
+        angle
+    }
+}
+
+impl LegIk {
+    /// Recognizes the leg from its joints; none if it has another build.
+    pub(crate) fn new(chain: &Chain) -> Option<LegIk> {
+        let revolute = chain.joints.iter().all(|joint| joint.kind == JointKind::Revolute);
+        if chain.joints.len() != 6 || !revolute {
+            return None;
+        }
+        let zero = chain.pose(&LegAngles::zeros());
+        let (p, [a1, a2, a3, a4, a5, a6]) = (zero.points, zero.axes);
+        let perpendicular = |a: &Unit<Vector3<f64>>, b| a.dot(b).abs() < AXIS_TOLERANCE;
+        let parallel = a2.cross(&a3).norm() <= AXIS_TOLERANCE;
+        if !(perpendicular(&a1, &a2) && parallel) {
+            return None;
+        }
+        if !(perpendicular(&a4, &a5) && perpendicular(&a5, &a6)) {
+            return None;
+        }
+        // The wrist is where axes 4 and 5 meet; axis 6 must pass through it.
+        let wrist = intersection(&(p[3], a4), &(p[4], a5))?;
+        if (wrist - p[5]).cross(&a6).norm() > AXIS_TOLERANCE {
+            return None;
+        }
+        let plane = Matrix3::from_rows(&[
+            a2.cross(&a1).transpose(),
+            a2.transpose(),
+            (-a1.into_inner()).transpose(),
+        ]);
+        let forward = a5.cross(&a4);
+        let wrist_rows = Matrix3::from_rows(&[a4.transpose(), forward.transpose(), a5.transpose()]);
+        let (thigh, calf) = (plane * (p[2] - p[1]), plane * (wrist - p[2]));
+        let (thigh_length, calf_length) = (thigh.x.hypot(thigh.z), calf.x.hypot(calf.z));
+        if thigh_length < AXIS_TOLERANCE || calf_length < AXIS_TOLERANCE {
+            return None;
+        }
+        let (thigh_angle, calf_angle) = (thigh.z.atan2(thigh.x), calf.z.atan2(calf.x));
+        let to_wheel = zero.base_from_foot.rotation.inverse();
+        Some(LegIk {
+            hip: p[0],
+            plane_from_base: plane,
+            wrist_from_plane: wrist_rows * plane.transpose(),
+            shoulder: plane * (p[1] - p[0]),
+            offset: (wrist - p[0]).dot(&a2),
+            thigh: thigh_length,
+            calf: calf_length,
+            thigh_direction: Turn::of(thigh_angle),
+            knee_zero: Turn::of(wrapped(thigh_angle - calf_angle)),
+            axis_3_sign: a2.dot(&a3).signum(),
+            wrist_zero: a6.dot(&forward).atan2(a6.dot(&a4)),
+            axis_5_in_wheel: to_wheel * a5.into_inner(),
+            axis_6_in_wheel: to_wheel * a6.into_inner(),
+            wheel_from_wrist: zero.base_from_foot.inverse_transform_point(&wrist),
+        })
+    }
+
+    pub(crate) fn scaled(&self, factor: f64) -> LegIk {
+        LegIk {
+            hip: self.hip * factor,
+            shoulder: self.shoulder * factor,
+            offset: self.offset * factor,
+            thigh: self.thigh * factor,
+            calf: self.calf * factor,
+            wheel_from_wrist: self.wheel_from_wrist * factor,
+            ..*self
+        }
+    }
+
+    /// Greatest distance of the wheel's center from the first axis' reference point (m).
+    pub fn reach(&self) -> f64 {
+        self.shoulder.norm() + self.thigh + self.calf + self.wheel_from_wrist.coords.norm()
+    }
+
+    /// All branches that bring the wheel to `base_from_wheel`, within limits or not, in a fixed
+    /// order; the error tells how far the wrist is out of reach.
+    ///
+    /// Where the wrist is singular (axes 4 and 6 in line) joint 4 is put to zero and one wrist
+    /// branch is given; where the wrist lies on axis 1, joint 1 is put to zero.
+    pub fn solve(
+        &self,
+        leg: &Leg,
+        base_from_wheel: &Isometry3<f64>,
+    ) -> Result<IkSolutions, NoSolution> {
+        let turned = self.plane_from_base * base_from_wheel.rotation.to_rotation_matrix().matrix();
+        let (axis_5, axis_6) = (turned * self.axis_5_in_wheel, turned * self.axis_6_in_wheel);
+        let mut solutions = IkSolutions::new();
+        for arm in self.arms(&(base_from_wheel * self.wheel_from_wrist))? {
+            let placed = arm.placed(leg);
+            let direction = self.wrist_from_plane * arm.unturn(&axis_6);
+            let bend = self.bend(&direction);
+            // Axis 5 and axis 6 × axis 5 where joints 4 and 5 turn them.
+            let axle = Vector3::new(0.0, -bend.sin_4, bend.cos_4);
+            let wanted = self.wrist_from_plane * arm.unturn(&axis_5);
+            let q6 = atan2(wanted.dot(&direction.cross(&axle)), wanted.dot(&axle));
+            solutions.push(placed.with_wrist(leg, false, [bend.q4, bend.q5, q6]));
+            if let Some(q5) = bend.q5_flipped {
+                let (q4, q6) = (opposite(bend.q4), opposite(q6));
+                solutions.push(placed.with_wrist(leg, true, [q4, q5, q6]));
+            }
+        }
+        Ok(solutions)
+    }
+
+    /// As [`solve`](Self::solve) for a wheel center and the direction of the last axis, the spin
+    /// about which is free: joint 6 is put to zero (or to its limit nearest to zero).
+    pub fn solve_axis(
+        &self,
+        leg: &Leg,
+        wheel_center: &Point3<f64>,
+        axis: &Unit<Vector3<f64>>,
+    ) -> Result<IkSolutions, NoSolution> {
+        // What of the center as seen from the wrist lies across the last axis would turn with the
+        // free spin, so this form asks for a center on that axis.
+        let to_center = -self.wheel_from_wrist.coords.dot(&self.axis_6_in_wheel);
+        let wrist = wheel_center - axis.into_inner() * to_center;
+        let axis_6 = self.plane_from_base * axis.into_inner();
+        let q6 = 0.0_f64.clamp(leg.lower[5], leg.upper[5]);
+        let mut solutions = IkSolutions::new();
+        for arm in self.arms(&wrist)? {
+            let placed = arm.placed(leg);
+            let bend = self.bend(&(self.wrist_from_plane * arm.unturn(&axis_6)));
+            solutions.push(placed.with_wrist(leg, false, [bend.q4, bend.q5, q6]));
+            if let Some(q5) = bend.q5_flipped {
+                solutions.push(placed.with_wrist(leg, true, [opposite(bend.q4), q5, q6]));
+            }
+        }
+        Ok(solutions)
+    }
+
+    /// Hip and knee angles that bring the wrist to a point.
+    fn arms(&self, wrist: &Point3<f64>) -> Result<ArrayVec<Arm, 4>, NoSolution> {
+        let from_hip = self.plane_from_base * (wrist - self.hip);
+        let radius_squared = from_hip.x * from_hip.x + from_hip.y * from_hip.y;
+        let forward_squared = radius_squared - self.offset * self.offset;
+        if forward_squared < 0.0 {
+            let distance = self.offset.abs() - radius_squared.sqrt();
+            return Err(unreachable(distance, "nearer to the first axis than its offset"));
+        }
+        let forward = forward_squared.sqrt();
+        let height = from_hip.z - self.shoulder.z;
+        let mut arms = ArrayVec::new();
+        let mut nearest = f64::INFINITY;
+        let sides = if forward < 1e-12 { &[1.0][..] } else { &[1.0, -1.0][..] };
+        for &side in sides {
+            let f = side * forward;
+            let yaw = if radius_squared < 1e-24 {
+                Turn::of(0.0)
+            } else {
+                Turn::from_cos_sin(
+                    (from_hip.x * f + from_hip.y * self.offset) / radius_squared,
+                    (from_hip.y * f - from_hip.x * self.offset) / radius_squared,
+                )
+            };
+            match self.knees(f - self.shoulder.x, height) {
+                Ok(knees) => arms.extend(knees.into_iter().map(|knee| Arm {
+                    branch: Branch {
+                        outward: side > 0.0,
+                        knee_flipped: knee.flipped,
+                        wrist_flipped: false,
+                    },
+                    angles: [yaw.angle, knee.hip_pitch, knee.knee_pitch],
+                    yaw: (yaw.cos, yaw.sin),
+                    pitch: knee.pitch,
+                })),
+                Err(distance) => nearest = nearest.min(distance),
+            }
+        }
+        if arms.is_empty() {
+            return Err(unreachable(nearest, "outside the reach of thigh and calf"));
+        }
+        Ok(arms)
+    }
+
+    /// The two-link problem in the leg's plane; the error is the distance missed (m).
+    fn knees(&self, x: f64, w: f64) -> Result<ArrayVec<Knee, 2>, f64> {
+        let (l1, l2) = (self.thigh, self.calf);
+        let square = x * x + w * w;
+        let cosine = (square - l1 * l1 - l2 * l2) / (2.0 * l1 * l2);
+        if cosine.abs() > 1.0 + 1e-12 {
+            let distance = square.sqrt();
+            return Err(if cosine > 0.0 { distance - l1 - l2 } else { (l1 - l2).abs() - distance });
+        }
+        let cosine = cosine.clamp(-1.0, 1.0);
+        let bend = cosine.acos();
+        let sine = ((1.0 - cosine) * (1.0 + cosine)).sqrt();
+        let knee = |flipped: bool| {
+            let (bend, sine) = if flipped { (-bend, -sine) } else { (bend, sine) };
+            let (thigh, zero) = (&self.thigh_direction, &self.knee_zero);
+            // Where thigh and calf lead at hip pitch zero.
+            let x0 = l1 * thigh.cos + l2 * (thigh.cos * cosine - thigh.sin * sine);
+            let w0 = l1 * thigh.sin + l2 * (thigh.sin * cosine + thigh.cos * sine);
+            let hip = if square > 0.0 {
+                Turn::from_cos_sin((x * x0 + w * w0) / square, (w * x0 - x * w0) / square)
+            } else {
+                Turn::of(0.0)
+            };
+            let (ck, sk) =
+                (zero.cos * cosine - zero.sin * sine, zero.sin * cosine + zero.cos * sine);
+            Knee {
+                flipped,
+                hip_pitch: hip.angle,
+                knee_pitch: wrapped(wrapped(bend + zero.angle) * self.axis_3_sign),
+                pitch: (hip.cos * ck - hip.sin * sk, hip.sin * ck + hip.cos * sk),
+            }
+        };
+        let mut knees = ArrayVec::new();
+        knees.push(knee(false));
+        if sine >= 1e-12 {
+            knees.push(knee(true));
+        }
+        Ok(knees)
+    }
+
+    /// Joints 4 and 5 that turn axis 6 into `direction` (in the wrist's basis).
+    fn bend(&self, direction: &Vector3<f64>) -> Bend {
+        let sine = (direction.y * direction.y + direction.z * direction.z).sqrt();
+        let bend = sine.atan2(direction.x);
+        let q5 = wrapped(bend - self.wrist_zero);
+        if sine < SINGULAR {
+            return Bend { q4: 0.0, cos_4: 1.0, sin_4: 0.0, q5, q5_flipped: None };
+        }
+        Bend {
+            q4: atan2(direction.z, direction.y),
+            cos_4: direction.y / sine,
+            sin_4: direction.z / sine,
+            q5,
+            q5_flipped: Some(wrapped(-bend - self.wrist_zero)),
+        }
+    }
+}
+
+fn unreachable(distance: f64, reason: &'static str) -> NoSolution {
+    NoSolution { proof: Proof::Unreachable, distance, reason }
+}
+
+/// Half a turn on, in (-π, π].
+fn opposite(angle: f64) -> f64 {
+    if angle > 0.0 { angle - PI } else { angle + PI }
+}
+
+/// Joints 4 and 5.
+struct Bend {
+    q4: f64,
+    cos_4: f64,
+    sin_4: f64,
+    q5: f64,
+    /// Joint 5 of the second branch; none where the wrist is singular.
+    q5_flipped: Option<f64>,
+}
+
+/// One solution of the two-link problem, with cosine and sine of the sum of both turns.
+struct Knee {
+    flipped: bool,
+    hip_pitch: f64,
+    knee_pitch: f64,
+    pitch: (f64, f64),
+}
+
+/// Joints 1 to 3 of one branch, and cosine and sine of the turns about axes 1 and 2.
+struct Arm {
+    branch: Branch,
+    angles: [f64; 3],
+    yaw: (f64, f64),
+    pitch: (f64, f64),
+}
+
+impl Arm {
+    /// A direction in the plane's basis with the turns of joints 1 to 3 undone.
+    fn unturn(&self, v: &Vector3<f64>) -> Vector3<f64> {
+        let ((c1, s1), (c2, s2)) = (self.yaw, self.pitch);
+        let (x, y) = (v.x * c1 + v.y * s1, v.y * c1 - v.x * s1);
+        Vector3::new(x * c2 + v.z * s2, y, v.z * c2 - x * s2)
+    }
+
+    /// A solution whose joints 4 to 6 are still to be filled in.
+    fn placed(&self, leg: &Leg) -> IkSolution {
+        let mut solution = IkSolution {
+            angles: LegAngles::zeros(),
+            branch: self.branch,
+            within_limits: true,
+            residual: None,
+        };
+        for (i, q) in self.angles.into_iter().enumerate() {
+            solution.place(leg, i, q);
+        }
+        solution
+    }
+}
+
+impl IkSolution {
+    fn with_wrist(&self, leg: &Leg, wrist_flipped: bool, wrist: [f64; 3]) -> IkSolution {
+        let mut solution = *self;
+        solution.branch.wrist_flipped = wrist_flipped;
+        for (i, q) in wrist.into_iter().enumerate() {
+            solution.place(leg, 3 + i, q);
+        }
+        solution
+    }
+
+    /// Joint `i` at `q` in (-π, π], or a whole turn from there if only that is within its limits.
+    fn place(&mut self, leg: &Leg, i: usize, q: f64) {
+        let (lower, upper) = (leg.lower[i], leg.upper[i]);
+        let inside = |q: f64| q >= lower - LIMIT_SLACK && q <= upper + LIMIT_SLACK;
+        let other = if q > 0.0 { q - TAU } else { q + TAU };
+        if inside(q) {
+            self.angles[i] = q.max(lower).min(upper);
+        } else if inside(other) {
+            self.angles[i] = other.max(lower).min(upper);
+        } else {
+            self.angles[i] = q;
+            self.within_limits = false;
+        }
+    }
+}
+
+type Line = (Point3<f64>, Unit<Vector3<f64>>);
+
+fn intersection(a: &Line, b: &Line) -> Option<Point3<f64>> {
+    let normal = a.1.cross(&b.1);
+    let denominator = normal.norm_squared();
+    if denominator < AXIS_TOLERANCE {
+        return None;
+    }
+    let between = b.0 - a.0;
+    let on_a = a.0 + a.1.into_inner() * (between.cross(&b.1).dot(&normal) / denominator);
+    let on_b = b.0 + b.1.into_inner() * (between.cross(&a.1).dot(&normal) / denominator);
+    ((on_a - on_b).norm() < AXIS_TOLERANCE).then_some(on_a)
+}
