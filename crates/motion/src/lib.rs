@@ -14,6 +14,7 @@
 mod answer;
 pub mod astar;
 pub mod check;
+mod ends;
 mod failure;
 mod leg_space;
 pub mod line;
