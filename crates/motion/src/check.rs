@@ -34,6 +34,15 @@ const AS_NEAR: f64 = 0.9;
 /// Distances below the tolerance by rounding alone pass (m).
 const ROUNDING: f64 = 1e-7;
 
+/// What a touch counts as missing at least (m): without tolerances nothing else would be missing.
+const TOUCHING: f64 = 1e-6;
+
+/// What is to spare (m); a touch never has anything.
+fn spare(v: &Violation) -> f64 {
+    let spare = v.distance - v.required;
+    if v.distance > 0.0 { spare } else { spare.min(-TOUCHING) }
+}
+
 /// What the step is checked against.
 pub struct CheckContext<'a> {
     /// The scene.
@@ -201,11 +210,11 @@ fn look_along_leg(context: &CheckContext, waypoints: &[Waypoint], seen: &mut See
         let clearance = checker.clearance(&posture, allowance, reach);
         let mut free = reach;
         if let Some(v) = clearance.links {
-            seen.links.take(v.distance - v.required, time, v);
+            seen.links.take(spare(&v), time, v);
             free = free.min(v.distance);
         }
         if let Some(v) = clearance.environment {
-            seen.environment.take(v.distance - v.required, time, v);
+            seen.environment.take(spare(&v), time, v);
             free = free.min(v.distance);
         }
         if !context.transit_only {

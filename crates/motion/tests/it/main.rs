@@ -14,6 +14,7 @@ mod shift;
 mod steps;
 mod synthetic;
 mod timing;
+mod trials;
 
 fn athlete() -> Robot {
     let folder = "robots/athlete/";
