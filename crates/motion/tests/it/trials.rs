@@ -1,12 +1,14 @@
 //! Seeded scenes for comparing planners, and the final check where nothing but touching counts.
 
+use std::sync::Arc;
+
 use collision::{Allowance, LegChecker};
 use motion::smooth::SmoothOptions;
 use motion::trial::{Kind, draw};
 use motion::{EdgeRule, Outcome, Phase, Planner, Unwatched, plan_step};
 use rover::Posture;
 
-use crate::loaded;
+use crate::{loaded, robot_of};
 
 const MOON: f64 = 1.62;
 
@@ -18,6 +20,17 @@ fn a_seed_draws_the_same_scene_again_and_another_seed_another() {
         let first = target(3);
         assert_eq!(first, target(3), "{}", kind.name());
         assert_ne!(first, target(4), "{}", kind.name());
+    }
+}
+
+#[test]
+fn robots_with_short_and_sliding_legs_step_too() {
+    for name in ["hexapod", "quadruped", "slider"] {
+        let robot = Arc::new(robot_of(name));
+        let trial = draw(&robot, MOON, Kind::Open, 1).unwrap();
+        let request = trial.request(Planner::Auto);
+        let answer = plan_step(&trial.scene, &trial.start, MOON, &request, &mut Unwatched);
+        assert_eq!(answer.outcome, Outcome::Found, "{name}: {}", answer.reason);
     }
 }
 
