@@ -5,7 +5,7 @@ use std::sync::Arc;
 use collision::{Allowance, LegChecker};
 use motion::smooth::SmoothOptions;
 use motion::trial::{Kind, draw};
-use motion::{EdgeRule, Outcome, Phase, Planner, Unwatched, plan_step};
+use motion::{Buffers, EdgeRule, Outcome, Phase, Planner, Unwatched, plan_step};
 use rover::Posture;
 
 use crate::{loaded, robot_of};
@@ -20,6 +20,20 @@ fn a_seed_draws_the_same_scene_again_and_another_seed_another() {
         let first = target(3);
         assert_eq!(first, target(3), "{}", kind.name());
         assert_ne!(first, target(4), "{}", kind.name());
+    }
+}
+
+#[test]
+fn buffers_below_zero_count_as_none() {
+    let trial = draw(&loaded(), MOON, Kind::Rock, 1).unwrap();
+    let plan = |buffer: f64| {
+        let mut request = trial.request(Planner::Auto);
+        request.buffers = Buffers { terrain_lift: buffer, obstacle: buffer, inflation: buffer };
+        plan_step(&trial.scene, &trial.start, MOON, &request, &mut Unwatched)
+    };
+    let without = plan(0.0);
+    for buffer in [-0.5, f64::NEG_INFINITY, f64::NAN] {
+        assert_eq!(plan(buffer), without, "{buffer}");
     }
 }
 
