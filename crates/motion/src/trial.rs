@@ -136,7 +136,7 @@ impl Standing<'_> {
         let (heading, steps) = match kind {
             Kind::Open | Kind::Cluttered => (any_heading, [0.4, 1.2]),
             Kind::Rock | Kind::Gap => (any_heading, [0.9, 1.5]),
-            Kind::Inward => (inward + any_heading / 6.0, [0.3, 0.9]),
+            Kind::Inward => (inward + any_heading / 6.0, [0.4, 1.1]),
         };
         let length = size * rng.random_range(steps[0]..steps[1]);
         let step = Step { from, heading, length, size, wheel: wheel.radius };
@@ -182,23 +182,23 @@ impl Step {
                 Some(vec![rock(map, at, turn, half.map(|[a, b]| size * rng.random_range(a..b)))?])
             }
             Kind::Gap => {
-                let gap = 2.0 * self.wheel + size * rng.random_range(0.1..0.3);
+                let gap = 2.0 * self.wheel + size * rng.random_range(0.05..0.2);
                 let share = rng.random_range(0.4..0.6);
                 let thick = size * rng.random_range(0.06..0.14);
                 let pair = [-1.0, 1.0].map(|side| {
-                    let half = [0.2, 0.4].map(|wide| size * (wide + rng.random_range(0.0..0.2)));
+                    let half = [0.3, 0.5].map(|least| size * (least + rng.random_range(0.0..0.2)));
                     let at = self.at(share, side * (0.5 * gap + half[0]));
                     rock(map, at, self.heading, [thick, half[0], half[1]])
                 });
                 pair.into_iter().collect()
             }
             Kind::Cluttered => {
-                let n = rng.random_range(4..9);
+                let n = rng.random_range(6..12);
                 let placed = (0..n).map(|_| {
-                    let half = [[0.05, 0.12], [0.05, 0.12], [0.08, 0.35]]
+                    let half = [[0.05, 0.12], [0.05, 0.12], [0.15, 0.45]]
                         .map(|[a, b]| size * rng.random_range(a..b));
-                    let aside = size * rng.random_range(-0.8..0.8);
-                    let at = self.at(rng.random_range(-0.3..1.3), aside);
+                    let aside = size * rng.random_range(-0.6..0.6);
+                    let at = self.at(rng.random_range(-0.2..1.2), aside);
                     rock(map, at, rng.random_range(0.0..3.0), half)
                 });
                 placed.collect()
