@@ -12,6 +12,7 @@ mod planners;
 mod sbl_scenes;
 mod shift;
 
+mod soak;
 mod steps;
 mod synthetic;
 mod timing;
