@@ -10,6 +10,7 @@
 //! - [`shift`]: the body over its planted feet, before a leg is lifted.
 //! - [`timing`]: when each knot is passed, as fast as joints and stability allow.
 //! - [`check`]: the final check, which alone decides whether a step may be offered.
+//! - [`trial`]: seeded scenes in which planners are compared.
 
 mod answer;
 pub mod astar;
@@ -28,6 +29,7 @@ pub mod space;
 mod step;
 pub mod timing;
 mod transit;
+pub mod trial;
 mod watch;
 
 pub use answer::{

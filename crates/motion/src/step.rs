@@ -204,9 +204,10 @@ impl<'a> Planning<'a> {
         Keep {
             environment: self.request.environment_tolerance,
             pairs: self.request.pair_tolerance,
-            inflation: buffers.inflation,
-            obstacle_buffer: buffers.obstacle,
-            terrain_lift: buffers.terrain_lift,
+            // A buffer never takes a clearance away.
+            inflation: buffers.inflation.max(0.0),
+            obstacle_buffer: buffers.obstacle.max(0.0),
+            terrain_lift: buffers.terrain_lift.max(0.0),
             footfalls: contact.map(|p| p.xy()).into_iter().chain(goal).collect(),
         }
     }
