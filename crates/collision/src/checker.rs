@@ -5,7 +5,7 @@
 //! ([`crate::certificate`]): for a piece every distance must exceed how far the bodies can get.
 
 use nalgebra::{Point2, Point3};
-use rover::{Frame, LegAngles, LegChain, LegFrames, LegId, LinkId, Posture, place_of};
+use rover::{Frame, JointKind, LegAngles, LegChain, LegFrames, LegId, LinkId, Posture, place_of};
 
 use crate::form::{Core, Placed, apart};
 use crate::gjk::{Separation, separation};
@@ -310,7 +310,9 @@ impl<'a> LegChecker<'a> {
             start = end;
         }
         let hip = self.chain.frames(&LegAngles::zeros()).links[0].origin;
-        let reach = self.reach_of_leg() + self.environment() + self.keep.obstacle_buffer;
+        let reaches = self.reach_of_parts();
+        let leg_reach = reaches.iter().copied().fold(0.0, f64::max);
+        let reach = leg_reach + self.environment() + self.keep.obstacle_buffer;
         let beside = nalgebra::Vector2::repeat(reach);
         let center = Point2::new(hip.x, hip.y);
         self.roof = highest_known(self.scene, center - beside, center + beside);
@@ -327,7 +329,13 @@ impl<'a> LegChecker<'a> {
             if !self.near_solids.is_empty() {
                 self.items.push(item(Against::Solids));
             }
-            self.items.extend((0..self.groups.len()).map(|g| item(Against::Group(g as u16))));
+            // Most legs are out of reach of most parts, whatever the angles.
+            let near = |group: &Group| {
+                let reach = reaches[i] + group.radius + group.most_required;
+                (group.center.coords - hip).norm() <= reach
+            };
+            let near = (0..self.groups.len()).filter(|g| near(&self.groups[*g]));
+            self.items.extend(near.map(|g| item(Against::Group(g as u16))));
             for (j, other) in self.moving.iter().enumerate().skip(i + 1) {
                 if self.pair_required(moving.part, other.part).is_some() {
                     self.items.push(item(Against::Own(j as u16)));
@@ -336,22 +344,26 @@ impl<'a> LegChecker<'a> {
         }
     }
 
-    /// Farthest that any point of the leg can be from its first joint (m).
-    fn reach_of_leg(&self) -> f64 {
+    /// Farthest that any point of each moving part can be from the leg's first joint (m).
+    fn reach_of_parts(&self) -> Vec<f64> {
         let robot = self.scene.robot();
-        let joints = &robot.leg(self.leg).joints;
+        let joints = robot.leg(self.leg).joints.iter().map(|j| &robot.joints()[*j]);
+        let mut to_places = Vec::new();
         let mut to_place = 0.0;
-        let mut reach = 0.0_f64;
-        for (place, joint) in joints.iter().enumerate() {
+        for (place, joint) in joints.enumerate() {
             if place > 0 {
-                to_place += robot.joints()[*joint].parent_from_joint.translation.vector.norm();
+                to_place += joint.parent_from_joint.translation.vector.norm();
             }
-            for m in self.moving.iter().filter(|m| m.place == place) {
-                let bound = m.part.core.half.norm() + m.part.core.radius;
-                reach = reach.max(to_place + m.place_from_part.origin.norm() + bound);
+            if joint.kind == JointKind::Prismatic {
+                to_place += joint.lower.abs().max(joint.upper.abs());
             }
+            to_places.push(to_place);
         }
-        reach
+        let reach = |m: &Moving| {
+            let core = &m.part.core;
+            to_places[m.place] + m.place_from_part.origin.norm() + core.half.norm() + core.radius
+        };
+        self.moving.iter().map(reach).collect()
     }
 
     /// The moving leg.

@@ -12,7 +12,7 @@ use collision::{Obstacle, Scene};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use motion::smooth::SmoothOptions;
 use motion::trial::{Kind, Trial, draw};
-use motion::{EdgeRule, Planner, Stage, StepRequest, Stopped, Target, Unwatched, Watch, plan_step};
+use motion::{EdgeRule, Planner, Stage, StepRequest, Target, Unwatched, Watch, plan_step};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rover::{LegId, Payload, Posture, Robot};
 use terrain::ElevationMap;

@@ -104,6 +104,7 @@ impl Transit<'_> {
         };
         let mut best: Option<Vec<LegAngles>> = None;
         for run in 0..=STARTS {
+            watch.entered(Stage::Search);
             let planner: &dyn PathSearch =
                 if run == 0 { &JointLine } else { &RrtConnect::default() };
             query.seed = request.seed.wrapping_mul(STARTS + 1).wrapping_add(run);
@@ -116,6 +117,7 @@ impl Transit<'_> {
                 }
                 SearchOutcome::Found(path) => {
                     statistics.first_path = statistics.first_path.max(path_length(&path));
+                    watch.entered(Stage::Smoothing);
                     let rough = SmoothOptions { max_checked: ROUGH_BUDGET, ..request.smooth };
                     let rough = smooth(space, &path, &rough, watch)?;
                     statistics.n_edges += rough.n_edges;
