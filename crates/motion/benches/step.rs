@@ -74,7 +74,8 @@ fn over_seeded_scenes(c: &mut Criterion) {
     let all = Kind::ALL.into_iter().flat_map(|kind| (0..SCENES).map(move |seed| (kind, seed)));
     let trials: Vec<Trial> =
         all.filter_map(|(kind, seed)| draw(&robot, MOON, kind, seed)).collect();
-    let ways: [(&str, &dyn Fn(&Trial) -> StepRequest); 3] = [
+    type Way<'w> = (&'w str, &'w dyn Fn(&Trial) -> StepRequest);
+    let ways: [Way; 3] = [
         ("automatic", &|trial| trial.request(Planner::Auto)),
         ("SBL", &|trial| trial.request(Planner::Sbl)),
         ("SBL as published (baseline)", &published),
