@@ -218,7 +218,8 @@ mod tests {
         };
         let shift =
             CommandBody::BodyPath { knots: vec![knot(&start), knot(&shifted)], drive_hold: false };
-        let lift = CommandBody::JointPath { leg: "leg2".into(), knots: vec![lift(0.0), lift(0.2)] };
+        let path = |knots: Vec<JointKnot>| CommandBody::JointPath { leg: "leg2".into(), knots };
+        let (lift, drop) = (path(vec![lift(0.0), lift(0.2)]), path(vec![lift(0.2), lift(0.0)]));
         let command = |phase: &str, body: &CommandBody| json!({ "title": "", "phase": phase, "body": body, "duration_s": 1.0 });
         let waypoint = json!({
             "joints_rad": [], "phase": "shift", "time_s": 1.0, "stance": state(&shifted), "hold": true
@@ -226,7 +227,7 @@ mod tests {
         let statistics = wire::analysis::PlanStatistics::default();
         let answer = json!({
             "outcome": "found", "leg": "leg2", "waypoints": [waypoint], "findings": [],
-            "commands": [command("shift", &shift), command("lift", &lift), command("drop", &lift)],
+            "commands": [command("shift", &shift), command("lift", &lift), command("drop", &drop)],
             "statistics": statistics, "margins": [], "retreat": [],
             "basis": { "state_hash": "", "terrain_version": "t", "model_hash": "m", "seed": 1,
                        "version": "" }

@@ -88,11 +88,10 @@ fn of_plan(
         let message = format!("plan.index is {}; the plan has {n} commands{of}", plan.index);
         return Err(ApiError::new("command_index", message));
     };
-    check_basis(app, plan, When::Staging)?;
     let robot = app.live.robot();
     let after = stored.done_before(plan);
     let before = stored.after(robot, after);
-    Ok(StageCommand {
+    let command = StageCommand {
         id: request.id.clone(),
         operator: who.into(),
         title: title.clone(),
@@ -102,7 +101,11 @@ fn of_plan(
         duration_s: *duration_s,
         basis_joints_rad: joints_of(robot, &before),
         basis_tolerance_rad: BASIS_JOINT_RAD,
-    })
+    };
+    // Out of order the basis cannot hold: the order says more.
+    app.live.locked().0.commands().may_stage(&command)?;
+    check_basis(app, plan, When::Staging)?;
+    Ok(command)
 }
 
 fn joints_of(robot: &Robot, configuration: &Configuration) -> BTreeMap<String, Vec<f64>> {

@@ -169,9 +169,9 @@ pub enum CommandBody {
         /// Knots in order, at least two.
         knots: Vec<JointKnot>,
     },
-    /// Shift the body over its feet: move all standing legs at once, joint-linear between knots,
-    /// brakes on or wheels held by their drives. The base follows from the wheels, which stay where they stand; the rover refuses a
-    /// path on which they would slip or it would tip. The first knot must be where the legs are.
+    /// Shift the body over its feet: move all standing legs at once, joint-linear between knots. The
+    /// base follows from the wheels, which stay where they stand; the rover refuses a path on which
+    /// they would slip or it would tip. The first knot must be where the legs are.
     BodyPath {
         /// Knots in order, 2 to 1000.
         knots: Vec<BodyKnot>,

@@ -55,7 +55,6 @@ async fn stage(
 ) -> Result<(StatusCode, Json<CommandRecord>), ApiError> {
     let command = staging::command(&app, &who, &request)?;
     if request.dry_run {
-        app.live.locked().0.commands().may_stage(&command)?;
         let record = CommandRecord {
             id: command.id.unwrap_or_else(|| uuid::Uuid::now_v7().to_string()),
             body: command.body,
