@@ -22,9 +22,9 @@ const COARSE_BUDGET: u64 = 4_000;
 
 /// Searches by random trees that the automatic choice starts, the configurations that each may
 /// check, and those for a first smoothing of each.
-const STARTS: u64 = 3;
+const STARTS: u64 = 2;
 const START_BUDGET: u64 = 3_000;
-const ROUGH_BUDGET: u64 = 300;
+const ROUGH_BUDGET: u64 = 250;
 
 /// Finds transits for one request.
 pub(crate) struct Transit<'a> {
