@@ -81,17 +81,30 @@ pub(crate) fn near_ground(
     reach: f64,
     kernel: Kernel,
 ) -> GroundNear {
+    let (min, max) = grown(&placed.aabb(&part.form), required);
+    if beside_map(scene, min, max) || over_a_hole(scene, min, max) {
+        return GroundNear::Unknown(placed.center());
+    }
+    near_known_ground(scene, part, placed, required, reach, kernel)
+        .map_or(GroundNear::Clear, GroundNear::Near)
+}
+
+/// As [`near_ground`], for the ground that is known: what is not counts as nothing.
+pub(crate) fn near_known_ground(
+    scene: &Scene,
+    part: &Part,
+    placed: &Placed,
+    required: f64,
+    reach: f64,
+    kernel: Kernel,
+) -> Option<Near> {
     let map = scene.map();
     let aabb = placed.aabb(&part.form);
     let center = placed.center();
-    let (min, max) = grown(&aabb, required);
-    if beside_map(scene, min, max) || over_a_hole(scene, min, max) {
-        return GroundNear::Unknown(center);
-    }
     if let Some(ground) = map.height_at(center.xy()) {
         let below = Point3::new(center.x, center.y, ground);
         if ground >= center.z || placed.holds(&part.form, &below) {
-            return GroundNear::Near(Near { distance: 0.0, place: below });
+            return Some(Near { distance: 0.0, place: below });
         }
     }
     let (min, max) = grown(&aabb, reach);
@@ -124,7 +137,7 @@ pub(crate) fn near_ground(
             true
         },
     );
-    nearest.map_or(GroundNear::Clear, GroundNear::Near)
+    nearest
 }
 
 /// Distance (m) below which a triangle is nearer than one at `limit` (m): on level ground all are
