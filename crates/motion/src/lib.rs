@@ -37,7 +37,8 @@ pub use answer::{
     Statistics, StepAnswer, StepRequest, Target, Waypoint,
 };
 pub use shift::{
-    BodyClear, NoShift, SampledBody, ShiftPlan, ShiftRequest, base_between, plan_shift,
+    BodyClear, CertifiedBody, NoShift, SampledBody, ShiftPlan, ShiftRequest, base_between,
+    plan_shift,
 };
 pub use step::plan_step;
 pub use timing::{TimedPath, TimedPiece, TimingError, TimingLimits, time_body_path, time_leg_path};

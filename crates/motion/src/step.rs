@@ -13,7 +13,7 @@ use crate::ends::{Arrival, Departure};
 use crate::failure::{Failure, Teller};
 use crate::leg_space::{LegSpace, guard_over};
 use crate::line::wheel_line;
-use crate::shift::{SampledBody, ShiftRequest, plan_shift};
+use crate::shift::{CertifiedBody, SampledBody, ShiftRequest, plan_shift};
 use crate::timing::{TimingError, TimingLimits, time_body_path, time_leg_path};
 use crate::transit::Transit;
 use crate::watch::{Stage, Watch};
@@ -268,8 +268,15 @@ impl<'a> Planning<'a> {
             ..ShiftRequest::new(self.scene, self.start, on_ground, self.leg())
         };
         let legs: Vec<LegId> = on_ground.iter().map(|(leg, _)| *leg).collect();
-        let mut body = SampledBody::new(self.scene, self.start, &legs);
-        let plan = plan_shift(&request, &mut body, watch);
+        let (scene, start) = (self.scene, self.start);
+        let plan = match self.request.edges {
+            EdgeRule::Certified => {
+                plan_shift(&request, &mut CertifiedBody::new(scene, start, &legs), watch)
+            }
+            EdgeRule::Sampled(_) => {
+                plan_shift(&request, &mut SampledBody::new(scene, start, &legs), watch)
+            }
+        };
         watch.entered(Stage::Footfall);
         plan.map(|plan| plan.configurations).map_err(|none| {
             let best = if none.best_spare.is_finite() {
