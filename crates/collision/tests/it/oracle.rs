@@ -435,10 +435,15 @@ fn signed_distance_of(
     match closest_points(&pose, *shape, &other_pose, *other, limit.max(0.0)) {
         Ok(ClosestPoints::Disjoint) => limit,
         Ok(ClosestPoints::WithinMargin(p, q)) => (q - p).length().min(limit),
-        Ok(ClosestPoints::Intersecting) => match contact(&pose, *shape, &other_pose, *other, 0.0) {
-            Ok(Some(contact)) => contact.dist.min(0.0),
-            _ => 0.0,
-        },
+        Ok(ClosestPoints::Intersecting) => {
+            // parry's depth fails now and then in one order of the two, seldom in both.
+            let [one, other_way] = [
+                contact(&pose, *shape, &other_pose, *other, 0.0),
+                contact(&other_pose, *other, &pose, *shape, 0.0),
+            ];
+            let depths = [one, other_way].map(|c| c.ok().flatten().map_or(0.0, |c| c.dist));
+            depths[0].min(depths[1]).min(0.0)
+        }
         Err(_) => panic!("parry knows these shapes"),
     }
 }
