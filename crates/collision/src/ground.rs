@@ -9,6 +9,9 @@ use crate::scene::Scene;
 use crate::solid::{Near, Part, near, pose_of, to_parry_point};
 use parry3d_f64::math::Pose;
 
+/// Difference of distances that does not matter (m): about what parry leaves open on curved shapes.
+const EQUALLY_NEAR: f64 = 5e-5;
+
 /// What a shape is to the ground.
 pub(crate) enum GroundNear {
     /// At least as far as asked.
@@ -102,7 +105,12 @@ pub(crate) fn near_ground(
         |block| !apart_from_block(placed, &part.form, &aabb, block, limit.get()),
         |ix, iy| {
             for corners in triangles(scene, ix, iy).into_iter().flatten() {
-                let hit = match look_at_triangle(placed, &part.form, &corners, limit.get()) {
+                let hit = match look_at_triangle(
+                    placed,
+                    &part.form,
+                    &corners,
+                    nearer_than(limit.get()),
+                ) {
                     QuickLook::Apart => continue,
                     QuickLook::Touching(place) => Some(Near { distance: 0.0, place }),
                     QuickLook::Unclear => {
@@ -121,6 +129,12 @@ pub(crate) fn near_ground(
         },
     );
     nearest.map_or(GroundNear::Clear, GroundNear::Near)
+}
+
+/// Distance (m) below which another triangle is worth asking for: on level ground all are equally
+/// near, but for the last digits of parry's distances.
+fn nearer_than(limit: f64) -> f64 {
+    (limit - EQUALLY_NEAR).max(0.5 * limit)
 }
 
 /// The highest ground over a rectangle (m), if all of it is known.

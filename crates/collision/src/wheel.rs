@@ -226,23 +226,37 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
             .flat_map(|iy| xs.clone().map(move |ix| (ix, iy)))
             .map(|(ix, iy)| self.try_point(grid.position(ix, iy)))
             .collect();
-        let gap = |ix: usize, iy: usize| gaps[(iy - ys.start) * xs.len() + (ix - xs.start)];
+        // The supports first: they are nearly always the nearest, and then most edges need no look.
+        for iy in ys.start..ys.end.saturating_sub(1) {
+            for ix in xs.start..xs.end.saturating_sub(1) {
+                self.try_supports(pose, ix, iy);
+            }
+        }
+        let lowest = pose.lowest_point(&Vector3::z_axis()).z;
+        let mut try_edge = |(ax, ay): (usize, usize), (bx, by): (usize, usize)| {
+            let height = |ix, iy| f64::from(*self.map.heights().at(ix, iy));
+            let (za, zb) = (height(ax, ay), height(bx, by));
+            // Nowhere on the edge is the ground nearer than its higher end to the lowest point. An
+            // end that is unknown is not less than anything, and has to be looked at.
+            let beaten = |best: WheelGap| lowest - za >= best.gap && lowest - zb >= best.gap;
+            if self.best.is_some_and(beaten) {
+                return;
+            }
+            let gap = |ix, iy| gaps[(iy - ys.start) * xs.len() + (ix - xs.start)];
+            let (a, b) = (grid.position(ax, ay), grid.position(bx, by));
+            self.try_edge(a, b, gap(ax, ay), gap(bx, by));
+        };
         for iy in ys.clone() {
             for ix in xs.clone() {
                 let (right, up) = (ix + 1 < xs.end, iy + 1 < ys.end);
-                let here = grid.position(ix, iy);
-                if right && up {
-                    self.try_supports(pose, ix, iy);
-                }
                 if right {
-                    self.try_edge(here, grid.position(ix + 1, iy), gap(ix, iy), gap(ix + 1, iy));
+                    try_edge((ix, iy), (ix + 1, iy));
                 }
                 if up {
-                    self.try_edge(here, grid.position(ix, iy + 1), gap(ix, iy), gap(ix, iy + 1));
+                    try_edge((ix, iy), (ix, iy + 1));
                 }
                 if right && up {
-                    let (a, b) = (grid.position(ix + 1, iy), grid.position(ix, iy + 1));
-                    self.try_edge(a, b, gap(ix + 1, iy), gap(ix, iy + 1));
+                    try_edge((ix + 1, iy), (ix, iy + 1));
                 }
             }
         }

@@ -28,8 +28,10 @@ use stability::StanceGuard;
 
 use crate::shift::Executed;
 
-/// Intervals of a piece at whose ends derivatives are taken.
+/// Most intervals of a piece in which stability is asked for, and the longest of them (rad, largest
+/// joint).
 const INTERVALS: usize = 16;
+const INTERVAL: f64 = 0.04;
 
 /// Half of the interval for finite differences, in shares of a piece.
 const DIFFERENCE: f64 = 1e-3;
@@ -240,7 +242,7 @@ fn timed(
         let start = pieces.last().map_or(0.0, TimedPiece::end);
         let stability = match guard {
             Some(guard) if *change > 0.0 => {
-                stability_bound(robot, guard, gravity, &|share| masses_at(i, share))
+                stability_bound(robot, guard, gravity, *change, &|share| masses_at(i, share))
                     .map_err(|missing| TimingError::Unstable { piece: i, missing })?
             }
             _ => f64::INFINITY,
@@ -264,11 +266,12 @@ fn stability_bound(
     robot: &Robot,
     guard: &StanceGuard,
     gravity: f64,
+    change: f64,
     masses_at: &dyn Fn(f64) -> Masses,
 ) -> Result<f64, f64> {
-    let demands: Vec<Demand> = (0..=INTERVALS)
-        .map(|i| demand(robot, guard, i as f64 / INTERVALS as f64, masses_at))
-        .collect();
+    let n = ((change / INTERVAL).ceil() as usize).clamp(2, INTERVALS);
+    let demands: Vec<Demand> =
+        (0..=n).map(|i| demand(robot, guard, i as f64 / n as f64, masses_at)).collect();
     let least = demands.iter().map(|d| d.spare).fold(f64::INFINITY, f64::min);
     if least <= 0.0 || least.is_nan() {
         return Err(-least);
