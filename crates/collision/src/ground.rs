@@ -105,12 +105,10 @@ pub(crate) fn near_ground(
         |block| !apart_from_block(placed, &part.form, &aabb, block, limit.get()),
         |ix, iy| {
             for corners in triangles(scene, ix, iy).into_iter().flatten() {
-                let hit = match look_at_triangle(
-                    placed,
-                    &part.form,
-                    &corners,
-                    nearer_than(limit.get()),
-                ) {
+                // What is asked for is not to be missed, only what hardly betters what is found.
+                let limit_now =
+                    if nearest.is_some() { nearer_than(limit.get()) } else { limit.get() };
+                let hit = match look_at_triangle(placed, &part.form, &corners, limit_now) {
                     QuickLook::Apart => continue,
                     QuickLook::Touching(place) => Some(Near { distance: 0.0, place }),
                     QuickLook::Unclear => {
