@@ -9,7 +9,7 @@ CONSOLE_SOURCES := $(shell find web/src web/public web/index.html web/vite.confi
 MCAP_PYTHON := 1.6.0
 VENV := target/venv
 
-.PHONY: help run console test check bench format tools packages
+.PHONY: help run console test check bench soak format tools packages
 
 help: ## List the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "make %-8s %s\n", $$1, $$2 }' Makefile
@@ -63,6 +63,9 @@ check: tools web/node_modules/.package-lock.json ## Format, lints, types, docume
 bench: tools ## Run all benchmarks and print one table
 	cargo bench --workspace --locked --bench '*'
 	@node .ci/bench-table.mjs
+
+soak: tools ## Give the planner 10^5 generated requests, hostile ones among them
+	FOOTFALL_SOAK=$${FOOTFALL_SOAK:-100000} cargo test --release --locked -p motion -p server --test it soak
 
 format: tools web/node_modules/.package-lock.json ## Format all sources
 	cargo fmt --all

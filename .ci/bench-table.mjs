@@ -7,6 +7,7 @@ import { join } from "node:path";
 const root = process.argv[2] ?? "target/criterion";
 /** Budgets on two cores: longest time (ns), or lowest rate (elements a second). */
 const BUDGETS = {
+  "first path of a step/mixed scenes, automatic": { rate: 1e3 },
   "leg_check/one configuration with tolerances": { ns: 2e3 },
   "leg_ik/all branches of one wheel pose": { ns: 1e3 },
   "reach/one leg, 10 cm cells, two threads": { ns: 50e6 },
@@ -14,6 +15,7 @@ const BUDGETS = {
   "stability/regular + conservative polygon of 6 contacts": { ns: 30e3 },
   "step/around a rock, automatic": { ns: 5e6 },
   "traversability/1024 x 1024/2 % holes": { rate: 20e6 },
+  "whole step/mixed scenes, automatic": { rate: 200 },
 };
 const isBaseline = (name) => /\(baseline\)|^plain |^brute force/.test(name);
 
@@ -55,7 +57,10 @@ function time(ns) {
 const perSecond = (row) => (row.elements / row.ns) * 1e9;
 
 function rate(n) {
-  return n >= 1e6 ? `${(n / 1e6).toPrecision(3)} M/s` : `${(n / 1e3).toPrecision(3)} k/s`;
+  for (const [unit, size] of [["M/s", 1e6], ["k/s", 1e3]]) {
+    if (n >= size) return `${(n / size).toPrecision(3)} ${unit}`;
+  }
+  return `${n.toPrecision(3)} /s`;
 }
 
 /** The budget, and whether it is met. */

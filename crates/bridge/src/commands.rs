@@ -44,6 +44,9 @@ pub struct StageCommand {
     pub body: CommandBody,
     /// The plan it belongs to.
     pub plan: Option<PlanCommandRef>,
+    /// How many commands of that plan are done, and not undone, when this one begins: forward its
+    /// index, on the way back one more than the index of the command that it undoes.
+    pub after: usize,
     /// How long the motion takes as planned (s).
     pub duration_s: f64,
     /// Where the legs were when it was checked: leg to joint angles (rad).
@@ -114,6 +117,37 @@ pub enum CommandError {
         /// The index that is next.
         next: usize,
     },
+    /// Not the next part of its plan's way back.
+    #[error(
+        "command {id} undoes number {undoes} of its plan, and commands done and not undone are {done}; the way back goes in order, undoing the last one first"
+    )]
+    BackOrder {
+        /// The command.
+        id: String,
+        /// Index of the command that it undoes.
+        undoes: usize,
+        /// How many of the plan's commands are done and not undone.
+        done: usize,
+    },
+    /// There is nothing to undo.
+    #[error(
+        "this part of the way back undoes number {undoes} of its plan, and commands done and not undone are {done}; only what is done is undone"
+    )]
+    NotExecuted {
+        /// Index of the command that it undoes.
+        undoes: usize,
+        /// How many of the plan's commands are done and not undone.
+        done: usize,
+    },
+    /// The plan goes back only.
+    #[error("the plan is being backed out and goes back only; to go forward, plan the step anew")]
+    BackingOut,
+    /// Nobody knows where the rover will be.
+    #[error("command {other} of the same plan is under way; wait for its end")]
+    PlanUnderWay {
+        /// The command under way.
+        other: String,
+    },
     /// No command goes up while an E-stop is in force.
     #[error("an E-stop is in force; release it first")]
     EstopInForce,
@@ -166,7 +200,10 @@ impl CommandError {
             CommandError::NotStaged { .. } => "not_staged",
             CommandError::ArmExpired { .. } => "arm_expired",
             CommandError::OtherArmed { .. } => "other_armed",
-            CommandError::Order { .. } => "order",
+            CommandError::Order { .. } | CommandError::BackOrder { .. } => "order",
+            CommandError::NotExecuted { .. } => "not_executed",
+            CommandError::BackingOut => "backing_out",
+            CommandError::PlanUnderWay { .. } => "plan_under_way",
             CommandError::EstopInForce => "estop_in_force",
             CommandError::AlreadyTerminal { .. } => "already_terminal",
             CommandError::IdReused { .. } => "id_reused",

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use rover::{LegAngles, Robot};
-use sim::{Basis, BodyKnot, Command, Frame, JointKnot, Mode, Motion, SimRover, Stage};
+use sim::{Basis, BodyKnot, Command, Frame, JointKnot, Mode, Motion, SimRover, Stage, WheelHold};
 use wire::convert;
 use wire::live::{
     self, AckStage, CommandBody, Downlink, Executing, RoverMode, RoverTelemetry, Uplink,
@@ -178,13 +178,14 @@ fn motion(robot: &Robot, body: &CommandBody) -> Result<Motion, String> {
             let knots = knots.iter().enumerate().map(knot).collect::<Result<_, _>>()?;
             Motion::JointPath { leg: leg.clone(), knots }
         }
-        CommandBody::BodyPath { knots } => {
+        CommandBody::BodyPath { knots, drive_hold } => {
             let knot = |(i, knot): (usize, &live::BodyKnot)| {
                 let legs = angles_by_leg(robot, &knot.joints_rad).map_err(at(i))?;
                 Ok::<_, String>(BodyKnot { legs, time_s: knot.time_s })
             };
             let knots = knots.iter().enumerate().map(knot).collect::<Result<_, _>>()?;
-            Motion::BodyPath { knots }
+            let hold = if *drive_hold { WheelHold::Drives } else { WheelHold::Brakes };
+            Motion::BodyPath { knots, hold }
         }
         CommandBody::WheelLine { leg, position_m } => {
             Motion::WheelLine { leg: leg.clone(), center: (*position_m).into() }

@@ -5,14 +5,17 @@
 //! ([`crate::certificate`]): for a piece every distance must exceed how far the bodies can get.
 
 use nalgebra::{Point2, Point3};
-use rover::{Frame, LegAngles, LegChain, LegFrames, LegId, LinkId, Posture, place_of};
+use rover::{Frame, JointKind, LegAngles, LegChain, LegFrames, LegId, LinkId, Posture, place_of};
 
 use crate::form::{Core, Placed, apart};
-use crate::gjk::{Separation, separation};
-use crate::ground::{GroundNear, Kernel, clear_of_ground, highest_known, near_ground};
+use crate::ground::{GroundNear, Kernel, highest_known, near_ground};
+use crate::look::{
+    Ask, Look, TOUCHING, better, look_at_ground, look_at_pair, look_at_solids, near_solid,
+    violation,
+};
 use crate::pairs::{Body, pair_tolerance};
-use crate::scene::{Scene, Solid};
-use crate::solid::{Near, Part, near, pose_of, to_parry_point, to_pose};
+use crate::scene::Scene;
+use crate::solid::{Part, near, pose_of};
 
 /// What touches what.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,7 +63,7 @@ pub struct ContactZone {
 
 /// Share of the ground tolerance that rounding, and the pieces of a line that is not quite straight,
 /// may add to the depth of a standing wheel.
-const DEPTH_SLACK: f64 = 1.25;
+pub(crate) const DEPTH_SLACK: f64 = 1.25;
 
 /// Clearances that a motion keeps beside the robot's tolerances (m).
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -158,16 +161,6 @@ pub(crate) enum Against {
     Own(u16),
 }
 
-/// What a look at one item says.
-pub(crate) enum Look {
-    /// Farther apart than asked, over the whole piece.
-    Clear,
-    /// Free in the middle of the piece; the rest is open.
-    Open,
-    /// Nearer than it may be in the middle of the piece.
-    Violated(Violation),
-}
-
 /// The leg at one configuration, and how far it may get from there.
 pub(crate) struct Moment<'m> {
     pub frames: &'m LegFrames,
@@ -195,13 +188,6 @@ impl Moment<'_> {
 
 /// No joint moves.
 static STILL: LegAngles = LegAngles::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-
-/// Way of a body over half a piece below which the ground is looked at triangle by triangle (m at
-/// scale 1).
-const THOROUGH: f64 = 0.2;
-
-/// Limit of distance where only touching counts (m).
-const TOUCHING: f64 = 1e-9;
 
 impl<'a> LegChecker<'a> {
     /// Prepares checks of `leg` in `scene` with the rest of the robot as in `posture`.
@@ -310,7 +296,9 @@ impl<'a> LegChecker<'a> {
             start = end;
         }
         let hip = self.chain.frames(&LegAngles::zeros()).links[0].origin;
-        let reach = self.reach_of_leg() + self.environment() + self.keep.obstacle_buffer;
+        let reaches = self.reach_of_parts();
+        let leg_reach = reaches.iter().copied().fold(0.0, f64::max);
+        let reach = leg_reach + self.environment() + self.keep.obstacle_buffer;
         let beside = nalgebra::Vector2::repeat(reach);
         let center = Point2::new(hip.x, hip.y);
         self.roof = highest_known(self.scene, center - beside, center + beside);
@@ -327,7 +315,13 @@ impl<'a> LegChecker<'a> {
             if !self.near_solids.is_empty() {
                 self.items.push(item(Against::Solids));
             }
-            self.items.extend((0..self.groups.len()).map(|g| item(Against::Group(g as u16))));
+            // Most legs are out of reach of most parts, whatever the angles.
+            let near = |group: &Group| {
+                let reach = reaches[i] + group.radius + group.most_required;
+                (group.center.coords - hip).norm() <= reach
+            };
+            let near = (0..self.groups.len()).filter(|g| near(&self.groups[*g]));
+            self.items.extend(near.map(|g| item(Against::Group(g as u16))));
             for (j, other) in self.moving.iter().enumerate().skip(i + 1) {
                 if self.pair_required(moving.part, other.part).is_some() {
                     self.items.push(item(Against::Own(j as u16)));
@@ -336,22 +330,26 @@ impl<'a> LegChecker<'a> {
         }
     }
 
-    /// Farthest that any point of the leg can be from its first joint (m).
-    fn reach_of_leg(&self) -> f64 {
+    /// Farthest that any point of each moving part can be from the leg's first joint (m).
+    fn reach_of_parts(&self) -> Vec<f64> {
         let robot = self.scene.robot();
-        let joints = &robot.leg(self.leg).joints;
+        let joints = robot.leg(self.leg).joints.iter().map(|j| &robot.joints()[*j]);
+        let mut to_places = Vec::new();
         let mut to_place = 0.0;
-        let mut reach = 0.0_f64;
-        for (place, joint) in joints.iter().enumerate() {
+        for (place, joint) in joints.enumerate() {
             if place > 0 {
-                to_place += robot.joints()[*joint].parent_from_joint.translation.vector.norm();
+                to_place += joint.parent_from_joint.translation.vector.norm();
             }
-            for m in self.moving.iter().filter(|m| m.place == place) {
-                let bound = m.part.core.half.norm() + m.part.core.radius;
-                reach = reach.max(to_place + m.place_from_part.origin.norm() + bound);
+            if joint.kind == JointKind::Prismatic {
+                to_place += joint.lower.abs().max(joint.upper.abs());
             }
+            to_places.push(to_place);
         }
-        reach
+        let reach = |m: &Moving| {
+            let core = &m.part.core;
+            to_places[m.place] + m.place_from_part.origin.norm() + core.half.norm() + core.radius
+        };
+        self.moving.iter().map(reach).collect()
     }
 
     /// The moving leg.
@@ -571,7 +569,8 @@ impl<'a> LegChecker<'a> {
         let Some(required) = fixed.required[index] else { return Look::Clear };
         let required = moment.required(required);
         let places = [&here.placed, &fixed.placed];
-        look_at_pair(moment, [moving.part, fixed.part], places, required, here.motion)
+        let ask = Ask { required, motion: here.motion, fine: moment.fine };
+        look_at_pair([moving.part, fixed.part], places, ask)
     }
 
     fn look_at_own(&self, moment: &Moment, [i, j]: [usize; 2], [a, b]: [&Here; 2]) -> Look {
@@ -592,7 +591,8 @@ impl<'a> LegChecker<'a> {
             );
         let required = moment.required(required);
         let places = [&a.placed, &b.placed];
-        look_at_pair(moment, [first.part, second.part], places, required, motion)
+        let ask = Ask { required, motion, fine: moment.fine };
+        look_at_pair([first.part, second.part], places, ask)
     }
 
     fn look_at_solids(
@@ -631,24 +631,8 @@ impl<'a> LegChecker<'a> {
         required: f64,
     ) -> Look {
         let part = self.moving[index].part;
-        let need = (required + here.motion).max(TOUCHING);
-        let limit = if moment.fine { need } else { required.max(TOUCHING) };
-        let mut worst = Look::Clear;
-        for &i in &self.near_solids {
-            let solid = &self.scene.solids[i];
-            if apart(&here.placed, &part.form, &solid.placed, &solid.form, need) {
-                continue;
-            }
-            match quick_solid(&here.placed, part, solid, limit) {
-                None if moment.fine => {}
-                Some(near) if near.distance < required.max(TOUCHING) => {
-                    let touch = Touch::Obstacle(part.link, i);
-                    return Look::Violated(violation(touch, near, required));
-                }
-                None | Some(_) => worst = Look::Open,
-            }
-        }
-        worst
+        let ask = Ask { required, motion: here.motion, fine: moment.fine };
+        look_at_solids(self.scene, part, &here.placed, &self.near_solids, ask)
     }
 
     fn look_at_ground(
@@ -697,45 +681,12 @@ impl<'a> LegChecker<'a> {
         lift: f64,
     ) -> Look {
         let placed = here.placed.raised(-lift);
-        let need = (required + here.motion).max(TOUCHING);
-        let above = |roof| placed.frame.origin.z - placed.bound - need >= roof;
+        let ask = Ask { required, motion: here.motion, fine: moment.fine };
+        let above = |roof| placed.frame.origin.z - placed.bound - ask.need() >= roof;
         if self.roof.is_some_and(above) {
             return Look::Clear;
         }
-        // A single configuration and short pieces are decided here; a long piece is cut rather than
-        // looked at closely.
-        let thorough = !moment.fine && here.motion < THOROUGH * self.scene.robot().scale();
-        if clear_of_ground(self.scene, moving.part, &placed, need, thorough) {
-            return Look::Clear;
-        }
-        let link = moving.part.link;
-        let touching = required.max(TOUCHING);
-        let ground = |required: f64, reach: f64| {
-            near_ground(self.scene, moving.part, &placed, required, reach, Kernel::Quick)
-        };
-        if moment.fine {
-            match ground(need, need) {
-                GroundNear::Clear => return Look::Clear,
-                GroundNear::Near(near) if near.distance < touching => {
-                    return Look::Violated(violation(Touch::Ground(link), near, required));
-                }
-                GroundNear::Near(_) => return Look::Open,
-                // Unknown ground within the reach of the piece: is it within that of its middle?
-                GroundNear::Unknown(_) => {}
-            }
-        }
-        match ground(required, touching) {
-            GroundNear::Clear => Look::Open,
-            GroundNear::Near(near) => {
-                Look::Violated(violation(Touch::Ground(link), near, required))
-            }
-            GroundNear::Unknown(place) => Look::Violated(Violation {
-                touch: Touch::UnknownGround(link),
-                distance: 0.0,
-                required,
-                place,
-            }),
-        }
+        look_at_ground(self.scene, moving.part, &placed, ask)
     }
 
     /// Is the foot over its start or goal, where the ground is not raised: as
@@ -855,40 +806,6 @@ impl Scratch {
     }
 }
 
-/// Of two rules of which one must hold: what the second one adds, which applies to the middle of the
-/// piece, and to all of it if `surely`.
-fn better(first: Look, second: Look, surely: bool) -> Look {
-    match (first, second) {
-        (Look::Clear, _) => Look::Clear,
-        (_, Look::Clear) if surely => Look::Clear,
-        (_, Look::Clear | Look::Open) => Look::Open,
-        (Look::Violated(_), violated) => violated,
-        (first, _) => first,
-    }
-}
-
-fn look_at_pair(
-    moment: &Moment,
-    [a, b]: [&Part; 2],
-    [at_a, at_b]: [&Placed; 2],
-    required: f64,
-    motion: f64,
-) -> Look {
-    let need = (required + motion).max(TOUCHING);
-    if apart(at_a, &a.form, at_b, &b.form, need) {
-        return Look::Clear;
-    }
-    let limit = if moment.fine { need } else { required.max(TOUCHING) };
-    match separation(&(at_a, &a.form), &(at_b, &b.form), limit) {
-        Separation::Apart if moment.fine => Look::Clear,
-        Separation::Near { least, .. } if least < required.max(TOUCHING) => {
-            let near = Near { distance: least, place: at_b.center() };
-            Look::Violated(violation(Touch::Links(a.link, b.link), near, required))
-        }
-        Separation::Apart | Separation::Near { .. } => Look::Open,
-    }
-}
-
 /// How much a distance may have to spare (m) to be the nearest so far.
 fn within(reach: f64, nearest: &Option<Violation>) -> f64 {
     nearest.map_or(reach, |v| v.distance - v.required).min(reach)
@@ -898,32 +815,4 @@ fn within(reach: f64, nearest: &Option<Violation>) -> f64 {
 fn nearer(a: Option<Violation>, b: Option<Violation>) -> Option<Violation> {
     let spare = |v: &Violation| v.distance - v.required;
     a.into_iter().chain(b).min_by(|a, b| spare(a).total_cmp(&spare(b)))
-}
-
-fn violation(touch: Touch, near: Near, required: f64) -> Violation {
-    Violation { touch, distance: near.distance, required, place: near.place }
-}
-
-/// As [`near_solid`], for searches: never too great.
-fn quick_solid(placed: &Placed, part: &Part, solid: &Solid, reach: f64) -> Option<Near> {
-    if solid.mesh {
-        return near_solid(placed, part, solid, reach);
-    }
-    match separation(&(placed, &part.form), &(&solid.placed, &solid.form), reach) {
-        Separation::Apart => None,
-        Separation::Near { least, .. } => {
-            Some(Near { distance: least, place: solid.placed.center() })
-        }
-    }
-}
-
-/// The exact distance from an obstacle, if less than `reach` (m).
-pub(crate) fn near_solid(placed: &Placed, part: &Part, solid: &Solid, reach: f64) -> Option<Near> {
-    let pose = to_pose(&solid.world_from_solid);
-    // A mesh is a surface to parry: a part wholly inside it would touch nothing.
-    let center = placed.center();
-    if solid.mesh && solid.shape.contains_point(&pose, to_parry_point(&center)) {
-        return Some(Near { distance: 0.0, place: center });
-    }
-    near(&pose_of(&placed.frame), &*part.shape.0, &pose, &*solid.shape.0, reach)
 }

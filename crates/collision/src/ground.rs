@@ -81,44 +81,55 @@ pub(crate) fn near_ground(
     reach: f64,
     kernel: Kernel,
 ) -> GroundNear {
+    let (min, max) = grown(&placed.aabb(&part.form), required);
+    if beside_map(scene, min, max) || over_a_hole(scene, min, max) {
+        return GroundNear::Unknown(placed.center());
+    }
+    near_known_ground(scene, part, placed, required, reach, kernel)
+        .map_or(GroundNear::Clear, GroundNear::Near)
+}
+
+/// As [`near_ground`], for the ground that is known: what is not counts as nothing.
+pub(crate) fn near_known_ground(
+    scene: &Scene,
+    part: &Part,
+    placed: &Placed,
+    required: f64,
+    reach: f64,
+    kernel: Kernel,
+) -> Option<Near> {
     let map = scene.map();
     let aabb = placed.aabb(&part.form);
     let center = placed.center();
-    let (min, max) = grown(&aabb, required);
-    if beside_map(scene, min, max) || over_a_hole(scene, min, max) {
-        return GroundNear::Unknown(center);
-    }
     if let Some(ground) = map.height_at(center.xy()) {
         let below = Point3::new(center.x, center.y, ground);
         if ground >= center.z || placed.holds(&part.form, &below) {
-            return GroundNear::Near(Near { distance: 0.0, place: below });
+            return Some(Near { distance: 0.0, place: below });
         }
     }
     let (min, max) = grown(&aabb, reach);
     let mut nearest: Option<Near> = None;
-    let limit = std::cell::Cell::new(reach);
+    // Another triangle has to beat the nearest one so far by what is not mere rounding.
+    let bar = std::cell::Cell::new(reach);
     // A search is content with the first thing that is too near.
     let enough = if kernel == Kernel::Quick { required } else { 0.0 };
     map.pyramid().descend(
         min,
         max,
-        |block| !apart_from_block(placed, &part.form, &aabb, block, limit.get()),
+        |block| !apart_from_block(placed, &part.form, &aabb, block, bar.get()),
         |ix, iy| {
             for corners in triangles(scene, ix, iy).into_iter().flatten() {
-                // What is asked for is not to be missed, only what hardly betters what is found.
-                let limit_now =
-                    if nearest.is_some() { nearer_than(limit.get()) } else { limit.get() };
-                let hit = match look_at_triangle(placed, &part.form, &corners, limit_now) {
+                let hit = match look_at_triangle(placed, &part.form, &corners, bar.get()) {
                     QuickLook::Apart => continue,
                     QuickLook::Touching(place) => Some(Near { distance: 0.0, place }),
                     QuickLook::Unclear => {
-                        distance_of_triangle(part, placed, &corners, limit.get(), kernel)
+                        distance_of_triangle(part, placed, &corners, bar.get(), kernel)
                     }
                 };
                 if let Some(hit) = hit {
-                    limit.set(hit.distance);
+                    bar.set(nearer_than(hit.distance));
                     nearest = Some(hit);
-                    if limit.get() <= enough {
+                    if hit.distance <= enough {
                         return false;
                     }
                 }
@@ -126,11 +137,11 @@ pub(crate) fn near_ground(
             true
         },
     );
-    nearest.map_or(GroundNear::Clear, GroundNear::Near)
+    nearest
 }
 
-/// Distance (m) below which another triangle is worth asking for: on level ground all are equally
-/// near, but for the last digits of parry's distances.
+/// Distance (m) below which a triangle is nearer than one at `limit` (m): on level ground all are
+/// equally near, but for the last digits of parry's distances.
 fn nearer_than(limit: f64) -> f64 {
     (limit - EQUALLY_NEAR).max(0.5 * limit)
 }
@@ -150,6 +161,10 @@ fn distance_of_triangle(
 ) -> Option<Near> {
     match kernel {
         Kernel::Exact => {
+            // parry is dear where curved shapes are near: it is asked where our bound leaves doubt.
+            if separation(&(placed, &part.form), corners, limit) == Separation::Apart {
+                return None;
+            }
             let [a, b, c] = corners.map(|p| to_parry_point(&p));
             let (pose, triangle) = (pose_of(&placed.frame), Triangle::new(a, b, c));
             near(&pose, &*part.shape.0, &Pose::IDENTITY, &triangle, limit)

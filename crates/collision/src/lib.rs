@@ -7,15 +7,19 @@
 //! - [`Scene`]: robot, map and obstacles, prepared once.
 //! - [`LegChecker`]: one moving leg against everything else, with the rest of the robot cached.
 //! - [`Certifier`]: is a motion of that leg free, at every resolution?
+//! - [`BodyCertifier`]: is a shift of the whole body free?
 //! - [`survey`]: the whole robot in one posture.
 //! - [`touchdowns`]: ways to put a wheel down at a place of the map.
 //! - [`wheel_ground`]: how high a wheel is above the ground and where it would touch.
 
+mod bisection;
+mod body;
 mod certificate;
 mod checker;
 mod form;
 mod gjk;
 mod ground;
+mod look;
 mod pairs;
 mod scene;
 mod solid;
@@ -23,6 +27,7 @@ mod survey;
 mod touchdown;
 mod wheel;
 
+pub use body::BodyCertifier;
 pub use certificate::{Certificate, Certifier};
 pub use checker::{Allowance, Clearance, ContactZone, Keep, LegChecker, Touch, Violation};
 pub use pairs::Body;

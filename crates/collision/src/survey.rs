@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 use nalgebra::Point3;
 use rover::{Frame, LegId, LinkId, Posture};
 
-use crate::checker::{Touch, near_solid};
+use crate::checker::Touch;
 use crate::form::{Placed, apart};
 use crate::ground::{GroundNear, Kernel, near_ground};
+use crate::look::near_solid;
 use crate::pairs::pair_tolerance;
 use crate::scene::Scene;
 use crate::solid::{Near, Part, near, pose_of};

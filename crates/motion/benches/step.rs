@@ -1,24 +1,111 @@
-//! One whole step over level ground with a rock, and its transit alone.
+//! Steps: around a rock on level ground, and over seeded scenes of all kinds.
 //!
-//! Baseline: the final check of the finished step, which is part of the whole.
+//! Baselines: in `step` the final check of a step of two centimeters, which is part of every step;
+//! over the seeded scenes SBL as published, whose edges are looked at every 0.01 rad and whose
+//! smoothing ends when a round wins less than 25 % (F67, F78). One run takes all scenes, so that no
+//! single one decides; a rate is steps a second.
 
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use collision::{Obstacle, Scene};
-use criterion::{Criterion, criterion_group, criterion_main};
-use motion::{Planner, StepRequest, Target, Unwatched, plan_step};
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use motion::smooth::SmoothOptions;
+use motion::trial::{Kind, Trial, draw};
+use motion::{EdgeRule, Planner, Stage, StepRequest, Target, Unwatched, Watch, plan_step};
 use nalgebra::{Isometry3, Point3, Vector3};
-use rover::{LegId, Posture, Robot};
+use rover::{LegId, Payload, Posture, Robot};
 use terrain::ElevationMap;
 
-fn benches(c: &mut Criterion) {
+const MOON: f64 = 1.62;
+
+/// Scenes of each kind.
+const SCENES: u64 = 4;
+
+fn athlete() -> Robot {
     let folder = "robots/athlete/";
     let robot = Robot::from_folder(
         &testkit::fixture_text(&format!("{folder}robot.toml")),
         |file| Some(testkit::fixture_text(&format!("{folder}{file}"))),
         |_| None,
     );
-    let robot = Arc::new(robot.expect("the fixture loads"));
+    robot.expect("the fixture loads")
+}
+
+/// Takes the time until the first path is found.
+struct FirstPath {
+    begun: Instant,
+    took: Option<Duration>,
+}
+
+impl Watch for FirstPath {
+    fn entered(&mut self, stage: Stage) {
+        if stage == Stage::Smoothing && self.took.is_none() {
+            self.took = Some(self.begun.elapsed());
+        }
+    }
+}
+
+/// How long a request takes until its first path, or until its end.
+#[allow(clippy::disallowed_methods)] // a stage within a call is timed where it is entered
+fn time(trial: &Trial, request: &StepRequest, whole: bool) -> Duration {
+    let mut watch = FirstPath { begun: Instant::now(), took: None };
+    std::hint::black_box(plan_step(&trial.scene, &trial.start, MOON, request, &mut watch));
+    let all = watch.begun.elapsed();
+    if whole { all } else { watch.took.unwrap_or(all) }
+}
+
+/// The request as published.
+fn published(trial: &Trial) -> StepRequest {
+    let smooth = SmoothOptions {
+        stop_reduction: 0.25,
+        max_rounds: 100,
+        max_edges: 100_000,
+        max_checked: u64::MAX,
+        max_taut_rounds: 0,
+    };
+    StepRequest { edges: EdgeRule::Sampled(0.01), smooth, ..trial.request(Planner::Sbl) }
+}
+
+fn over_seeded_scenes(c: &mut Criterion) {
+    let (com, edges) = (Point3::new(0.0, 0.0, 0.25), Vector3::new(1.2, 1.2, 0.5));
+    let payload = Payload::boxed("chassis", 300.0, com, edges);
+    let robot = Arc::new(athlete().with_payloads(&[payload]).expect("the chassis carries it"));
+    let all = Kind::ALL.into_iter().flat_map(|kind| (0..SCENES).map(move |seed| (kind, seed)));
+    let trials: Vec<Trial> =
+        all.filter_map(|(kind, seed)| draw(&robot, MOON, kind, seed)).collect();
+    type Way<'w> = (&'w str, &'w dyn Fn(&Trial) -> StepRequest);
+    let ways: [Way; 3] = [
+        ("automatic", &|trial| trial.request(Planner::Auto)),
+        ("SBL", &|trial| trial.request(Planner::Sbl)),
+        ("SBL as published (baseline)", &published),
+    ];
+    let mut seed = 0;
+    for (name, whole) in [("first path of a step", false), ("whole step", true)] {
+        let mut group = c.benchmark_group(name);
+        group.sample_size(10).throughput(Throughput::Elements(trials.len() as u64));
+        for (way, request) in ways {
+            let requests: Vec<StepRequest> = trials.iter().map(request).collect();
+            group.bench_function(format!("mixed scenes, {way}"), |b| {
+                b.iter_custom(|n| {
+                    let all = (0..n).map(|_| {
+                        seed += 1;
+                        let steps = trials.iter().zip(&requests);
+                        let of = |(trial, request): (&Trial, &StepRequest)| {
+                            time(trial, &StepRequest { seed, ..request.clone() }, whole)
+                        };
+                        steps.map(of).sum::<Duration>()
+                    });
+                    all.sum()
+                });
+            });
+        }
+        group.finish();
+    }
+}
+
+fn around_a_rock(c: &mut Criterion) {
+    let robot = Arc::new(athlete());
     let mut start = robot.pose("bent").expect("the fixture has the pose");
     let low = Posture::new(&robot, &start).wheel(&robot, LegId(0)).lowest_point(&Vector3::z_axis());
     start.world_from_base.translation.z = -low.z;
@@ -41,16 +128,16 @@ fn benches(c: &mut Criterion) {
             b.iter(|| {
                 seed += 1;
                 request.seed = seed;
-                plan_step(&scene, &start, 1.62, &request, &mut Unwatched)
+                plan_step(&scene, &start, MOON, &request, &mut Unwatched)
             });
         });
     }
     request.target = Target::Ground(Point3::new(low.x, low.y + 0.02, 0.0));
     group.bench_function("two centimeters aside (baseline)", |b| {
-        b.iter(|| plan_step(&scene, &start, 1.62, &request, &mut Unwatched));
+        b.iter(|| plan_step(&scene, &start, MOON, &request, &mut Unwatched));
     });
     group.finish();
 }
 
-criterion_group!(step, benches);
+criterion_group!(step, around_a_rock, over_seeded_scenes);
 criterion_main!(step);

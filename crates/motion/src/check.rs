@@ -8,7 +8,7 @@ use collision::{
     survey, wheel_ground,
 };
 use nalgebra::Point3;
-use rover::{Configuration, LegAngles, LegId, LinkId, Posture};
+use rover::{Configuration, JointKind, LegAngles, LegId, LinkId, Posture};
 use stability::rule::{self, Preference};
 
 use crate::answer::{Finding, Phase, Waypoint};
@@ -33,6 +33,15 @@ const AS_NEAR: f64 = 0.9;
 
 /// Distances below the tolerance by rounding alone pass (m).
 const ROUNDING: f64 = 1e-7;
+
+/// What a touch counts as missing at least (m): without tolerances nothing else would be missing.
+const TOUCHING: f64 = 1e-6;
+
+/// What is to spare (m); a touch never has anything.
+fn spare(v: &Violation) -> f64 {
+    let spare = v.distance - v.required;
+    if v.distance > 0.0 { spare } else { spare.min(-TOUCHING) }
+}
 
 /// What the step is checked against.
 pub struct CheckContext<'a> {
@@ -201,11 +210,11 @@ fn look_along_leg(context: &CheckContext, waypoints: &[Waypoint], seen: &mut See
         let clearance = checker.clearance(&posture, allowance, reach);
         let mut free = reach;
         if let Some(v) = clearance.links {
-            seen.links.take(v.distance - v.required, time, v);
+            seen.links.take(spare(&v), time, v);
             free = free.min(v.distance);
         }
         if let Some(v) = clearance.environment {
-            seen.environment.take(v.distance - v.required, time, v);
+            seen.environment.take(spare(&v), time, v);
             free = free.min(v.distance);
         }
         if !context.transit_only {
@@ -234,14 +243,15 @@ fn look_along_leg(context: &CheckContext, waypoints: &[Waypoint], seen: &mut See
     }
 }
 
-/// Farthest that any point of the leg can be from each joint's axis (m).
+/// Farthest that any point of the leg can be from each joint's axis (m); 1 for a prismatic joint,
+/// which moves every point by its own way.
 fn levers_of(context: &CheckContext) -> LegAngles {
     let robot = context.scene.robot();
     let leg = robot.leg(context.leg);
     let mut levers = LegAngles::zeros();
     let mut beyond = leg.wheel.carrier_from_wheel.translation.vector.norm()
         + leg.wheel.radius.hypot(leg.wheel.width);
-    for place in (0..6).rev() {
+    for place in (0..leg.n_joints()).rev() {
         let of_link = |link: &rover::Link| {
             let shape = |s: &rover::LinkShape| {
                 s.link_from_shape.translation.vector.norm() + s.shape.bounding_radius()
@@ -249,8 +259,13 @@ fn levers_of(context: &CheckContext) -> LegAngles {
             link.shapes.iter().map(shape).fold(0.0, f64::max)
         };
         beyond = beyond.max(of_link(&robot.links()[leg.links[place].0]));
-        levers[place] = beyond;
-        beyond += robot.joints()[leg.joints[place]].parent_from_joint.translation.vector.norm();
+        let joint = &robot.joints()[leg.joints[place]];
+        let slides = joint.kind == JointKind::Prismatic;
+        levers[place] = if slides { 1.0 } else { beyond };
+        if slides {
+            beyond += leg.lower[place].abs().max(leg.upper[place].abs());
+        }
+        beyond += joint.parent_from_joint.translation.vector.norm();
     }
     levers
 }

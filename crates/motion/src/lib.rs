@@ -10,10 +10,12 @@
 //! - [`shift`]: the body over its planted feet, before a leg is lifted.
 //! - [`timing`]: when each knot is passed, as fast as joints and stability allow.
 //! - [`check`]: the final check, which alone decides whether a step may be offered.
+//! - [`trial`]: seeded scenes in which planners are compared.
 
 mod answer;
 pub mod astar;
 pub mod check;
+mod ends;
 mod failure;
 mod leg_space;
 pub mod line;
@@ -27,6 +29,7 @@ pub mod space;
 mod step;
 pub mod timing;
 mod transit;
+pub mod trial;
 mod watch;
 
 pub use answer::{
@@ -34,7 +37,8 @@ pub use answer::{
     Statistics, StepAnswer, StepRequest, Target, Waypoint,
 };
 pub use shift::{
-    BodyClear, NoShift, SampledBody, ShiftPlan, ShiftRequest, base_between, plan_shift,
+    BodyClear, CertifiedBody, NoShift, SampledBody, ShiftPlan, ShiftRequest, base_between,
+    plan_shift,
 };
 pub use step::plan_step;
 pub use timing::{TimedPath, TimedPiece, TimingError, TimingLimits, time_body_path, time_leg_path};

@@ -14,22 +14,25 @@ mod search;
 use collision::Scene;
 use nalgebra::{Isometry3, Point3, Vector6};
 use rand_chacha::ChaCha8Rng;
-use rover::{Configuration, LegId, Posture};
+use rover::{BodyChain, BodyMotion, Configuration, LegId, Posture, Sway};
 use stability::{Preference, StanceGuard, support_polygon};
 
-pub use body::{BodyClear, SampledBody};
-pub use executed::{base_between, closure_error};
+pub use body::{BodyClear, CertifiedBody, SampledBody};
+pub use executed::{Executed, base_between, closure_error};
 
 use crate::watch::Watch;
 use chain::ClosedChain;
-pub(crate) use executed::Executed;
 use search::{Candidate, Search, seeded};
 
 /// How far standing wheels may leave their places between knots (m at scale 1).
 const CLOSURE: f64 = 0.002;
 
-/// Points of a piece at which the margin is asked for.
-const MARGIN_SAMPLES: usize = 16;
+/// Way of the center of mass over half a piece below which the piece is not cut again where the margin
+/// is left open (m at scale 1).
+const FINEST_MARGIN: f64 = 1e-5;
+
+/// Half length of a piece, as a share of the way, below which it is not cut again.
+const SHORTEST: f64 = 1e-4;
 
 /// Heights from which the direct search starts beside the start's own (m at scale 1).
 const HEIGHTS: [f64; 2] = [-0.15, 0.15];
@@ -272,19 +275,10 @@ impl Shift<'_> {
             return Err(format!("the wheels would leave their places by {closure_error:.4} m"));
         }
         let legs = self.chain.legs();
+        let chain = BodyChain::new(robot);
         for piece in configurations.windows(2) {
             let executed = Executed::new(robot, &piece[0], &piece[1], &legs);
-            let coms: Vec<Point3<f64>> = (0..=MARGIN_SAMPLES)
-                .map(|i| executed.at(i as f64 / MARGIN_SAMPLES as f64).0)
-                .map(|c| Posture::new(robot, &c).center_of_mass(robot))
-                .collect();
-            // Balls of the whole step about both of its ends hold what lies between with room for
-            // the bend of the way.
-            let holds = coms.windows(2).all(|ends| {
-                let step = (ends[1] - ends[0]).norm();
-                ends.iter().any(|com| self.all.spare_about(com, step) >= 0.0)
-            });
-            if !holds {
+            if !holds_along(self.all, &chain, &executed, FINEST_MARGIN * robot.scale()) {
                 return Err("the margin rule does not hold on all feet".into());
             }
             body.piece(&piece[0], &piece[1])?;
@@ -322,4 +316,27 @@ impl Shift<'_> {
             "the search found no better pose; turns and heights of the chassis were tried".into()
         })
     }
+}
+
+/// Does the rule hold all along a motion? By the way that the center of mass can go from the middle
+/// of a piece; pieces where that leaves it open are cut until it goes less than `finest` (m).
+fn holds_along(
+    guard: &StanceGuard,
+    chain: &BodyChain,
+    motion: &impl BodyMotion,
+    finest: f64,
+) -> bool {
+    let mut pieces = vec![(0.5, 0.5)];
+    while let Some((middle, half)) = pieces.pop() {
+        let (com, bound) = Sway::new(chain, motion, middle, half).center_of_mass();
+        if guard.spare_about(&com, bound) >= 0.0 {
+            continue;
+        }
+        if guard.spare(&com) < 0.0 || bound < finest || half < SHORTEST {
+            return false;
+        }
+        let half = 0.5 * half;
+        pieces.extend([(middle + half, half), (middle - half, half)]);
+    }
+    true
 }

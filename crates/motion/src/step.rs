@@ -1,7 +1,7 @@
 //! One step of one leg: body shift, lift, transit, drop, preload (F75, F76), and the verdict on it.
 
-use collision::{ContactZone, Keep, LegChecker, Scene, Survey, Touchdown, survey, touchdowns};
-use nalgebra::{Isometry3, Point2, Point3, Translation3, Unit, Vector3};
+use collision::{Keep, LegChecker, Scene, Survey, survey};
+use nalgebra::{Point3, Translation3};
 use rover::{Configuration, LegAngles, LegId, Posture};
 use stability::{Preference, StanceGuard, rule, spring_share};
 
@@ -9,28 +9,17 @@ use crate::answer::{
     EdgeRule, Footfall, Outcome, Phase, Statistics, StepAnswer, StepRequest, Target, Waypoint,
 };
 use crate::check::{CheckContext, check_step, touch_text};
-use crate::failure::{Failure, Teller, outcome_of};
-use crate::leg_space::{Blocked, LegSpace, guard_over};
+use crate::ends::{Arrival, Departure};
+use crate::failure::{Failure, Teller};
+use crate::leg_space::{LegSpace, guard_over};
 use crate::line::wheel_line;
-use crate::shift::{SampledBody, ShiftRequest, plan_shift};
+use crate::shift::{CertifiedBody, SampledBody, ShiftRequest, plan_shift};
 use crate::timing::{TimingError, TimingLimits, time_body_path, time_leg_path};
 use crate::transit::Transit;
 use crate::watch::{Stage, Watch};
 
-/// Ways to put the wheel down that are looked at.
-const MOST_TOUCHDOWNS: usize = 16;
-
 /// Searches for a transit that one request may start.
 const MOST_SEARCHES: usize = 3;
-
-/// Clearance beyond what must be kept that a way to put the wheel down is preferred for (m at
-/// scale 1).
-const ROOM: f64 = 0.05;
-
-/// Distances at which a place is sought for which there would be a step (m at scale 1), and
-/// directions at each.
-const RINGS: [f64; 6] = [0.05, 0.1, 0.2, 0.35, 0.6, 1.0];
-const DIRECTIONS: usize = 8;
 
 /// Plans one step of `request.leg` with the rest of the robot standing as in `start`.
 ///
@@ -52,21 +41,6 @@ pub fn plan_step(
     }
 }
 
-/// The part of the way that all goals share.
-struct Departure {
-    /// Knots from the start to the lift waypoint.
-    knots: Vec<LegAngles>,
-    zone: Option<ContactZone>,
-}
-
-/// A way to end the step.
-struct Arrival {
-    /// Knots from the drop waypoint to the goal.
-    knots: Vec<LegAngles>,
-    zone: Option<ContactZone>,
-    footfall: Option<Footfall>,
-}
-
 /// What the step stands on: the feet that stay, and what was seen.
 struct Stance {
     seen: Option<Survey>,
@@ -76,12 +50,12 @@ struct Stance {
     standing: Vec<(LegId, Point3<f64>)>,
 }
 
-struct Planning<'a> {
-    scene: &'a Scene,
+pub(crate) struct Planning<'a> {
+    pub scene: &'a Scene,
     /// Where the rover is.
     start: &'a Configuration,
     gravity: f64,
-    request: &'a StepRequest,
+    pub request: &'a StepRequest,
     statistics: Statistics,
     /// Knots of the body shift, the start first; empty without one.
     shift: Vec<Configuration>,
@@ -99,11 +73,11 @@ impl<'a> Planning<'a> {
         Planning { scene, start, gravity, request, statistics, shift, nearest }
     }
 
-    fn leg(&self) -> LegId {
+    pub fn leg(&self) -> LegId {
         self.request.leg
     }
 
-    fn teller(&self) -> Teller<'a> {
+    pub fn teller(&self) -> Teller<'a> {
         Teller { scene: self.scene, leg: self.leg(), lift: self.request.lift }
     }
 
@@ -112,7 +86,7 @@ impl<'a> Planning<'a> {
         self.shift.last().unwrap_or(self.start)
     }
 
-    fn angles(&self) -> LegAngles {
+    pub fn angles(&self) -> LegAngles {
         self.stepping_from().legs[self.leg().0]
     }
 
@@ -230,9 +204,10 @@ impl<'a> Planning<'a> {
         Keep {
             environment: self.request.environment_tolerance,
             pairs: self.request.pair_tolerance,
-            inflation: buffers.inflation,
-            obstacle_buffer: buffers.obstacle,
-            terrain_lift: buffers.terrain_lift,
+            // A buffer never takes a clearance away.
+            inflation: buffers.inflation.max(0.0),
+            obstacle_buffer: buffers.obstacle.max(0.0),
+            terrain_lift: buffers.terrain_lift.max(0.0),
             footfalls: contact.map(|p| p.xy()).into_iter().chain(goal).collect(),
         }
     }
@@ -293,8 +268,15 @@ impl<'a> Planning<'a> {
             ..ShiftRequest::new(self.scene, self.start, on_ground, self.leg())
         };
         let legs: Vec<LegId> = on_ground.iter().map(|(leg, _)| *leg).collect();
-        let mut body = SampledBody::new(self.scene, self.start, &legs);
-        let plan = plan_shift(&request, &mut body, watch);
+        let (scene, start) = (self.scene, self.start);
+        let plan = match self.request.edges {
+            EdgeRule::Certified => {
+                plan_shift(&request, &mut CertifiedBody::new(scene, start, &legs), watch)
+            }
+            EdgeRule::Sampled(_) => {
+                plan_shift(&request, &mut SampledBody::new(scene, start, &legs), watch)
+            }
+        };
         watch.entered(Stage::Footfall);
         plan.map(|plan| plan.configurations).map_err(|none| {
             let best = if none.best_spare.is_finite() {
@@ -310,88 +292,6 @@ impl<'a> Planning<'a> {
     fn contact(&self, posture: &Posture, seen: Option<&Survey>) -> Option<Point3<f64>> {
         let contacts = seen?.contacts(self.scene, posture);
         contacts.into_iter().find(|(leg, _)| *leg == self.leg()).map(|(_, contact)| contact)
-    }
-
-    fn zone(&self, contact: Point3<f64>, wheel: &Isometry3<f64>) -> ContactZone {
-        let rules = self.scene.robot().stance();
-        ContactZone {
-            contact,
-            center: wheel.translation.vector.into(),
-            radius: rules.contact_radius,
-            height: rules.contact_height,
-            ground_tolerance: rules.ground_tolerance,
-        }
-    }
-
-    /// The waypoint above a standing wheel, along the ground's normal.
-    fn above(&self, wheel: &Isometry3<f64>, normal: &Unit<Vector3<f64>>) -> Isometry3<f64> {
-        Translation3::from(normal.into_inner() * self.request.lift) * wheel
-    }
-
-    /// From the start up to the lift waypoint; a leg that is in the air already stays there.
-    fn departure(
-        &self,
-        posture: &Posture,
-        contact: Option<Point3<f64>>,
-        space: &mut LegSpace,
-    ) -> Result<Departure, Failure> {
-        let Some(contact) = contact else {
-            return match space.blocked(&self.angles()) {
-                None => Ok(Departure { knots: vec![self.angles()], zone: None }),
-                Some(blocked) => {
-                    let text = format!("at the start {}", self.teller().blocked_text(&blocked));
-                    Err(Failure::new(1, Outcome::Colliding, text).by_blocked(&blocked))
-                }
-            };
-        };
-        let wheel = posture.wheel(self.scene.robot(), self.leg()).world_from_wheel;
-        let zone = self.zone(contact, &wheel);
-        let normal = collision::footfall_place(self.scene, self.leg(), contact.xy())
-            .map_or(Vector3::z_axis(), |place| place.normal);
-        self.away_from_ground(posture, &self.angles(), &wheel, &zone, &normal, space)
-            .map(|knots| Departure { knots, zone: Some(zone) })
-            .map_err(|away| match away {
-                Away::Line(e) => self.teller().line_failure(2, "lifted", e),
-                Away::Blocked(blocked) => {
-                    let outcome = outcome_of(&blocked, Outcome::NoLift);
-                    let text =
-                        format!("while it is lifted, {}", self.teller().blocked_text(&blocked));
-                    Failure::new(2, outcome, text).by_blocked(&blocked)
-                }
-            })
-    }
-
-    /// Knots from a standing wheel to the waypoint above it: along the ground's normal, or straight
-    /// up where that fails.
-    fn away_from_ground(
-        &self,
-        posture: &Posture,
-        angles: &LegAngles,
-        wheel: &Isometry3<f64>,
-        zone: &ContactZone,
-        normal: &Unit<Vector3<f64>>,
-        space: &mut LegSpace,
-    ) -> Result<Vec<LegAngles>, Away> {
-        let robot = self.scene.robot();
-        let mut along = |normal: &Unit<Vector3<f64>>| {
-            let above = self.above(wheel, normal);
-            let knots =
-                wheel_line(robot, posture, self.leg(), angles, &above).map_err(Away::Line)?;
-            space.zone = Some(*zone);
-            let blocked = space.blocked_along(&knots);
-            space.zone = None;
-            // The waypoint belongs to the transit: there the wheel may touch nothing.
-            space.buffered = true;
-            let blocked = blocked.or_else(|| space.blocked(&knots[knots.len() - 1]));
-            space.buffered = false;
-            blocked.map_or(Ok(knots), |blocked| Err(Away::Blocked(blocked)))
-        };
-        let first = along(normal);
-        let tilted = normal.dot(&Vector3::z()) < 1.0 - 1e-9;
-        match first {
-            Err(failed) if tilted => along(&Vector3::z_axis()).map_err(|_| failed),
-            first => first,
-        }
     }
 
     /// Tries the ways to end the step, best first, until one can be reached.
@@ -438,143 +338,6 @@ impl<'a> Planning<'a> {
             }
         }
         Err(worst)
-    }
-
-    /// Joint angles to end with: as given, or the ways to put the wheel down at the target, those
-    /// with room about the leg first.
-    fn goals(&self, posture: &Posture, space: &mut LegSpace) -> Result<Vec<Goal>, Failure> {
-        match self.request.target {
-            Target::Angles(angles) => Ok(vec![Goal::Angles(angles)]),
-            Target::Ground(ground) => {
-                let mut goals = self.touchdowns_at(posture, ground.xy())?;
-                goals.sort_by_cached_key(|goal| {
-                    space.zone = Some(self.zone(goal.contact, &goal.wheel.world_from_wheel));
-                    !space.is_roomy(&goal.angles, ROOM * self.scene.robot().scale())
-                });
-                space.zone = None;
-                Ok(goals.into_iter().map(Goal::Touchdown).collect())
-            }
-        }
-    }
-
-    fn touchdowns_at(&self, posture: &Posture, p: Point2<f64>) -> Result<Vec<Touchdown>, Failure> {
-        let near = self.angles();
-        touchdowns(self.scene, posture, self.leg(), p, &near, MOST_TOUCHDOWNS)
-            .map_err(|none| self.teller().no_touchdown(none))
-    }
-
-    /// The way down to a goal, checked.
-    fn arrival(
-        &self,
-        posture: &Posture,
-        goal: &Goal,
-        space: &mut LegSpace,
-    ) -> Result<Arrival, Failure> {
-        if let (Goal::Angles(angles), true) = (goal, self.request.transit_only) {
-            return match space.blocked(angles) {
-                None => Ok(Arrival { knots: vec![*angles], zone: None, footfall: None }),
-                Some(blocked) => {
-                    let text = format!("at the goal {}", self.teller().blocked_text(&blocked));
-                    Err(Failure::new(4, Outcome::Colliding, text).by_blocked(&blocked))
-                }
-            };
-        }
-        let (angles, footfall) = match goal {
-            Goal::Touchdown(t) => (t.angles, footfall_of(t)),
-            Goal::Angles(angles) => (*angles, self.footfall_at(posture, angles)?),
-        };
-        let wheel = &footfall.world_from_wheel;
-        let zone = self.zone(footfall.contact, wheel);
-        space.zone = Some(zone);
-        let blocked = space.blocked(&angles);
-        space.zone = None;
-        if let Some(blocked) = blocked {
-            let text = format!("with the wheel there {}", self.teller().blocked_text(&blocked));
-            let outcome = outcome_of(&blocked, Outcome::Colliding);
-            return Err(Failure::new(4, outcome, text).by_blocked(&blocked));
-        }
-        let away = self.away_from_ground(posture, &angles, wheel, &zone, &footfall.normal, space);
-        let mut knots = away.map_err(|away| match away {
-            Away::Line(e) => self.teller().line_failure(5, "raised above the goal", e),
-            Away::Blocked(blocked) => {
-                let outcome = outcome_of(&blocked, Outcome::NoLift);
-                let text = format!("on the way down {}", self.teller().blocked_text(&blocked));
-                Failure::new(6, outcome, text).by_blocked(&blocked)
-            }
-        })?;
-        knots.reverse();
-        Ok(Arrival { knots, zone: Some(zone), footfall: Some(footfall) })
-    }
-
-    /// Where the wheel stands with these angles; it must stand.
-    fn footfall_at(&self, posture: &Posture, angles: &LegAngles) -> Result<Footfall, Failure> {
-        let robot = self.scene.robot();
-        let posture = posture.with_leg(robot, self.leg(), angles);
-        let wheel = posture.wheel(robot, self.leg());
-        let below = collision::wheel_ground(&wheel, self.scene.map(), |_| true);
-        let Some(gap) = below.nearest.filter(|_| !below.unknown) else {
-            let text = "the ground below the goal is unknown";
-            let failure = Failure::new(3, Outcome::UnknownGround, text);
-            return Err(failure.by("unknown_ground", None, "m"));
-        };
-        if gap.gap.abs() > robot.stance().ground_tolerance {
-            let (far, side) = (gap.gap.abs(), if gap.gap > 0.0 { "above" } else { "in" });
-            let text = format!("with these angles the wheel is {far:.3} m {side} the ground");
-            let failure = Failure::new(3, Outcome::Unreachable, text);
-            return Err(failure.by("ground", Some(far), "m"));
-        }
-        let contact = collision::contact_center(&wheel, self.scene.map(), &gap);
-        let place = collision::footfall_place(self.scene, self.leg(), contact.xy());
-        let normal = place.map_or(nalgebra::Vector3::z_axis(), |place| place.normal);
-        Ok(Footfall { contact, normal, world_from_wheel: wheel.world_from_wheel })
-    }
-
-    /// The nearest ground where the wheel could be put down and lifted again, if it is the place
-    /// that is in the way.
-    fn nearest_place(
-        &self,
-        posture: &Posture,
-        failure: &Failure,
-        space: &mut LegSpace,
-        watch: &mut impl Watch,
-    ) -> Option<Point3<f64>> {
-        let Target::Ground(ground) = self.request.target else { return None };
-        let of_place = [
-            Outcome::Unreachable,
-            Outcome::Colliding,
-            Outcome::NoLift,
-            Outcome::UnknownGround,
-            Outcome::Unstable,
-        ];
-        if !of_place.contains(&failure.outcome) {
-            return None;
-        }
-        let scale = self.scene.robot().scale();
-        // First toward where the wheel is now: most places that fail are too far out.
-        let wheel = posture.wheel(self.scene.robot(), self.leg()).center();
-        let home = wheel.xy() - ground.xy();
-        let heading = home.y.atan2(home.x);
-        for ring in RINGS {
-            for k in 0..DIRECTIONS {
-                if watch.stopped().is_some() {
-                    return None;
-                }
-                let side = if k % 2 == 0 { 1.0 } else { -1.0 };
-                let turn = k.div_ceil(2) as f64 * side / DIRECTIONS as f64;
-                let angle = heading + std::f64::consts::TAU * turn;
-                let reach = (ring * scale).min(if k == 0 { home.norm() } else { f64::INFINITY });
-                let p = ground.xy() + nalgebra::Vector2::new(angle.cos(), angle.sin()) * reach;
-                let Ok(ways) = self.touchdowns_at(posture, p) else { continue };
-                let works = ways
-                    .into_iter()
-                    .take(2)
-                    .any(|way| self.arrival(posture, &Goal::Touchdown(way), space).is_ok());
-                if works {
-                    return self.scene.map().height_at(p).map(|z| Point3::new(p.x, p.y, z));
-                }
-            }
-        }
-        None
     }
 
     /// Knots that press the standing wheel down until it bears its predicted load, and that load (N):
@@ -637,24 +400,5 @@ impl<'a> Planning<'a> {
             }
         }
         Ok(waypoints)
-    }
-}
-
-/// Why a wheel cannot be moved away from where it stands.
-enum Away {
-    Line(crate::line::LineError),
-    Blocked(Blocked),
-}
-
-enum Goal {
-    Touchdown(Touchdown),
-    Angles(LegAngles),
-}
-
-fn footfall_of(touchdown: &Touchdown) -> Footfall {
-    Footfall {
-        contact: touchdown.contact,
-        normal: touchdown.place.normal,
-        world_from_wheel: touchdown.wheel.world_from_wheel,
     }
 }

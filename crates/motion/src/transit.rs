@@ -22,9 +22,9 @@ const COARSE_BUDGET: u64 = 4_000;
 
 /// Searches by random trees that the automatic choice starts, the configurations that each may
 /// check, and those for a first smoothing of each.
-const STARTS: u64 = 3;
+const STARTS: u64 = 2;
 const START_BUDGET: u64 = 3_000;
-const ROUGH_BUDGET: u64 = 300;
+const ROUGH_BUDGET: u64 = 250;
 
 /// Finds transits for one request.
 pub(crate) struct Transit<'a> {
@@ -104,6 +104,7 @@ impl Transit<'_> {
         };
         let mut best: Option<Vec<LegAngles>> = None;
         for run in 0..=STARTS {
+            watch.entered(Stage::Search);
             let planner: &dyn PathSearch =
                 if run == 0 { &JointLine } else { &RrtConnect::default() };
             query.seed = request.seed.wrapping_mul(STARTS + 1).wrapping_add(run);
@@ -116,6 +117,7 @@ impl Transit<'_> {
                 }
                 SearchOutcome::Found(path) => {
                     statistics.first_path = statistics.first_path.max(path_length(&path));
+                    watch.entered(Stage::Smoothing);
                     let rough = SmoothOptions { max_checked: ROUGH_BUDGET, ..request.smooth };
                     let rough = smooth(space, &path, &rough, watch)?;
                     statistics.n_edges += rough.n_edges;

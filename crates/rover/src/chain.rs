@@ -144,10 +144,15 @@ impl LegChain {
 
     /// Forward kinematics.
     pub fn frames(&self, angles: &LegAngles) -> LegFrames {
+        self.frames_on(&self.world_from_parent, angles)
+    }
+
+    /// As [`frames`](Self::frames) with the base elsewhere.
+    pub(crate) fn frames_on(&self, world_from_base: &Frame, angles: &LegAngles) -> LegFrames {
         let mut links = [Frame::identity(); PLACES];
         let mut axes = [Vector3::zeros(); PLACES];
         let mut slides = [false; PLACES];
-        let mut parent = self.world_from_parent;
+        let mut parent = *world_from_base;
         for (place, joint) in self.joints.iter().enumerate() {
             let origin = parent.rotation * joint.origin + parent.origin;
             let still = joint.rotation.map_or(parent.rotation, |r| parent.rotation * r);

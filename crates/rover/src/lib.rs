@@ -9,6 +9,7 @@
 //!   [`Robot::with_payloads`]).
 //! - [`Configuration`]: base pose and joint angles; [`Posture`]: where every link then is.
 //! - [`LegChain`]: one leg's kinematics made fast, and how far its points can get.
+//! - [`Sway`]: how far all parts get while the body moves over planted wheels.
 //! - [`LegSolver`]: inverse kinematics of a leg: [`LegIk`], all branches of a leg that ends in a
 //!   spherical wrist, in closed form; [`NumericalIk`] for every other.
 //! - [`WheelPose`]: where a wheel or a ball foot is and where it touches.
@@ -22,6 +23,7 @@ mod model;
 mod posture;
 mod shape;
 mod statics;
+mod sway;
 mod urdf;
 mod wheel;
 
@@ -38,5 +40,6 @@ pub use model::{
 pub use posture::{Configuration, LegAngles, Posture};
 pub use shape::{LinkShape, Shape};
 pub use statics::{Wrench, hold_torques};
+pub use sway::{Anchor, BodyChain, BodyMotion, Sway};
 pub use urdf::MAX_LINKS;
 pub use wheel::{Wheel, WheelPose};

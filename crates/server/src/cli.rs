@@ -3,6 +3,7 @@
 //! Exit status: 0 done, 1 the answer is "no", 2 unusable input, 3 fault.
 
 mod analyze;
+mod compare;
 mod files;
 mod run_server;
 
@@ -46,6 +47,8 @@ enum Command {
     Reachability(analyze::RequestArgs),
     /// Where a foot can stand on a ground.
     Traversability(analyze::TraversabilityArgs),
+    /// Run all planners over the same seeded scenes: success, time, length, clearance.
+    Compare(compare::CompareArgs),
     /// Synthetic ground.
     #[command(subcommand)]
     Terrain(files::TerrainCommand),
@@ -182,6 +185,7 @@ fn run(command: &Command, output: Output) -> Result<Verdict, Failure> {
         Command::InverseKinematics(args) => analyze::inverse_kinematics(args, output),
         Command::Reachability(args) => analyze::reachability(args, output),
         Command::Traversability(args) => analyze::traversability(args, output),
+        Command::Compare(args) => compare::compare(args, output),
         Command::Terrain(command) => files::terrain(command, output),
         Command::Log(command) => files::log(command, output),
         Command::Openapi => output.text(&api::document_text()).map(|()| Verdict::Done),

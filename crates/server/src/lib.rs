@@ -10,6 +10,7 @@ pub mod app;
 mod assets;
 pub mod body;
 pub mod cli;
+mod compare;
 pub mod config;
 pub mod error;
 pub mod gate;

@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use rover::{Configuration, LegId, Robot};
-use wire::analysis::{PlanAnswer, PlanPhase};
+use wire::analysis::{PlanAnswer, PlanCommand, PlanPhase};
 use wire::check::At;
 use wire::convert;
-use wire::live::{CommandBody, RoverTelemetry};
+use wire::live::{CommandBody, PlanCommandRef, RoverTelemetry};
 
 use crate::error::ApiError;
 
@@ -76,11 +76,21 @@ pub struct Present<'a> {
 }
 
 impl StoredPlan {
-    /// Where base and legs are when the command of this index begins.
-    pub fn before(&self, robot: &Robot, index: usize) -> Configuration {
+    /// One of its commands, or of its way back.
+    pub fn command(&self, of: &PlanCommandRef) -> Option<&PlanCommand> {
+        if of.retreat { &self.answer.retreat } else { &self.answer.commands }.get(of.index)
+    }
+
+    /// How many of the plan's commands are done when this one begins. It must be there.
+    pub fn done_before(&self, of: &PlanCommandRef) -> usize {
+        if of.retreat { self.answer.commands.len().saturating_sub(of.index) } else { of.index }
+    }
+
+    /// Where base and legs are when so many of the plan's commands are done.
+    pub fn after(&self, robot: &Robot, n_done: usize) -> Configuration {
         let mut configuration = self.start.clone();
         let commands = &self.answer.commands;
-        for command in commands.iter().take(index) {
+        for command in commands.iter().take(n_done) {
             apply(robot, &command.body, End::Last, &mut configuration);
             if matches!(command.body, CommandBody::BodyPath { .. }) {
                 let shifted = self.answer.waypoints.iter().rev().find_map(|waypoint| {
@@ -93,20 +103,21 @@ impl StoredPlan {
                 }
             }
         }
-        if let Some(command) = commands.get(index) {
+        if let Some(command) = commands.get(n_done) {
             apply(robot, &command.body, End::First, &mut configuration);
         }
         configuration
     }
 
-    /// Does the body shift before the command of this index?
-    fn shifts_before(&self, index: usize) -> bool {
-        let mut before = self.answer.commands.iter().take(index);
-        before.any(|command| matches!(command.body, CommandBody::BodyPath { .. }))
+    /// May the shift of the body be what comes before this command?
+    fn shifts_before(&self, of: &PlanCommandRef) -> bool {
+        let mut before = self.answer.commands.iter().take(of.index);
+        // What is undone is done: a shift is not under way any more.
+        !of.retreat && before.any(|command| matches!(command.body, CommandBody::BodyPath { .. }))
     }
 
-    /// Why the plan may not be used for its command of this index now; `None` if it may.
-    pub fn stale(&self, present: &Present<'_>, index: usize, when: When) -> Option<String> {
+    /// Why the plan may not be used for this command of it now; `None` if it may.
+    pub fn stale(&self, present: &Present<'_>, of: &PlanCommandRef, when: When) -> Option<String> {
         let basis = &self.answer.basis;
         if basis.model_hash != present.model_hash {
             return Some("the robot model or its payload has changed".into());
@@ -114,14 +125,14 @@ impl StoredPlan {
         if basis.terrain_version != present.terrain_version {
             return Some("the map has a new version".into());
         }
-        if when == When::Staging && self.shifts_before(index) {
+        if when == When::Staging && self.shifts_before(of) {
             return None;
         }
         let at = At::root("state");
         let Ok(now) = convert::configuration(&at, present.robot, &present.frame.state) else {
             return Some("the rover's state cannot be read".into());
         };
-        let expected = self.before(present.robot, index);
+        let expected = self.after(present.robot, self.done_before(of));
 
         let moved = expected.world_from_base.inverse() * now.world_from_base;
         if moved.translation.vector.norm() > BASIS_BASE_M || moved.rotation.angle() > BASIS_BASE_RAD
@@ -167,7 +178,7 @@ fn apply(robot: &Robot, body: &CommandBody, end: End, configuration: &mut Config
                 put(leg, &knot.joints_rad);
             }
         }
-        CommandBody::BodyPath { knots } => {
+        CommandBody::BodyPath { knots, .. } => {
             for (leg, joints_rad) in end.of(knots).into_iter().flat_map(|knot| &knot.joints_rad) {
                 put(leg, joints_rad);
             }
@@ -205,8 +216,10 @@ mod tests {
             joints_rad: shifted.legs[1].add_scalar(by).iter().copied().collect(),
             time_s: 0.0,
         };
-        let shift = CommandBody::BodyPath { knots: vec![knot(&start), knot(&shifted)] };
-        let lift = CommandBody::JointPath { leg: "leg2".into(), knots: vec![lift(0.0), lift(0.2)] };
+        let shift =
+            CommandBody::BodyPath { knots: vec![knot(&start), knot(&shifted)], drive_hold: false };
+        let path = |knots: Vec<JointKnot>| CommandBody::JointPath { leg: "leg2".into(), knots };
+        let (lift, drop) = (path(vec![lift(0.0), lift(0.2)]), path(vec![lift(0.2), lift(0.0)]));
         let command = |phase: &str, body: &CommandBody| json!({ "title": "", "phase": phase, "body": body, "duration_s": 1.0 });
         let waypoint = json!({
             "joints_rad": [], "phase": "shift", "time_s": 1.0, "stance": state(&shifted), "hold": true
@@ -214,7 +227,7 @@ mod tests {
         let statistics = wire::analysis::PlanStatistics::default();
         let answer = json!({
             "outcome": "found", "leg": "leg2", "waypoints": [waypoint], "findings": [],
-            "commands": [command("shift", &shift), command("lift", &lift), command("drop", &lift)],
+            "commands": [command("shift", &shift), command("lift", &lift), command("drop", &drop)],
             "statistics": statistics, "margins": [], "retreat": [],
             "basis": { "state_hash": "", "terrain_version": "t", "model_hash": "m", "seed": 1,
                        "version": "" }
@@ -226,9 +239,9 @@ mod tests {
     fn a_command_after_a_shift_begins_with_the_base_shifted_and_all_legs_moved() {
         let robot = Robots::new(Vec::new()).load(&At::root("robot"), "athlete").unwrap();
         let plan = plan(&robot);
-        let x = |index| plan.before(&robot, index).world_from_base.translation.vector.x;
+        let x = |index| plan.after(&robot, index).world_from_base.translation.vector.x;
         let yaw =
-            |index, leg: usize| plan.before(&robot, index).legs[leg][0] - plan.start.legs[leg][0];
+            |index, leg: usize| plan.after(&robot, index).legs[leg][0] - plan.start.legs[leg][0];
         let near = |value: f64, expected: f64| assert!((value - expected).abs() < 1e-9, "{value}");
         for (index, [base, leg4]) in [(0, [0.0, 0.0]), (1, [0.1, 0.1]), (2, [0.1, 0.1])] {
             near(x(index), base);
@@ -241,17 +254,29 @@ mod tests {
             "contact_points_m": {}, "wheel_forces_n": {}, "joint_torques_nm": {}, "mode": "idle"
         }))
         .unwrap();
-        let stale = |frame: &RoverTelemetry, index, when| {
+        let of = |index, retreat| PlanCommandRef { plan_id: String::new(), index, retreat };
+        let stale_of = |frame: &RoverTelemetry, of: PlanCommandRef, when| {
             let (model_hash, terrain_version) = ("m", "t");
-            plan.stale(&Present { robot: &robot, model_hash, terrain_version, frame }, index, when)
+            plan.stale(&Present { robot: &robot, model_hash, terrain_version, frame }, &of, when)
         };
+        let stale = |frame: &RoverTelemetry, index, when| stale_of(frame, of(index, false), when);
         assert_eq!(stale(&frame, 0, When::Release), None);
         // What follows may be staged, not released, while the shift is under way.
         assert_eq!(stale(&frame, 1, When::Staging), None);
         let moved = stale(&frame, 1, When::Release).unwrap();
         assert_eq!(moved, "the rover's body has moved");
-        frame.state = convert::rover_state(&robot, &plan.before(&robot, 1));
+        frame.state = convert::rover_state(&robot, &plan.after(&robot, 1));
         assert_eq!(stale(&frame, 1, When::Release), None);
         assert_eq!(stale(&frame, 0, When::Staging).unwrap(), "the rover's body has moved");
+
+        // The way back begins where the command that it undoes has ended.
+        for when in [When::Staging, When::Release] {
+            assert_eq!(stale_of(&frame, of(2, true), when), None);
+        }
+        let lifted = stale_of(&frame, of(1, true), When::Release).unwrap();
+        assert_eq!(lifted, "leg2 is 0.200 rad from where the plan takes it to be");
+        frame.state = convert::rover_state(&robot, &plan.start);
+        let moved = stale_of(&frame, of(2, true), When::Staging).unwrap();
+        assert_eq!(moved, "the rover's body has moved");
     }
 }

@@ -42,7 +42,7 @@ pub fn command(
 /// An error if the plan of a command no longer holds; commands by hand have none.
 pub fn check_basis(app: &AppState, plan: &PlanCommandRef, when: When) -> Result<(), ApiError> {
     let stored = app.plans.get(&plan.plan_id)?;
-    match stale(app, &stored, plan.index, when)? {
+    match stale(app, &stored, plan, when)? {
         None => Ok(()),
         Some(why) => {
             let message = format!("the plan no longer holds: {why}; plan the step anew");
@@ -54,7 +54,7 @@ pub fn check_basis(app: &AppState, plan: &PlanCommandRef, when: When) -> Result<
 fn stale(
     app: &AppState,
     plan: &StoredPlan,
-    index: usize,
+    of: &PlanCommandRef,
     when: When,
 ) -> Result<Option<String>, ApiError> {
     let latest = app.live.latest()?;
@@ -66,7 +66,7 @@ fn stale(
         terrain_version: &version.info.version,
         frame: &latest.frame,
     };
-    Ok(plan.stale(&present, index, when))
+    Ok(plan.stale(&present, of, when))
 }
 
 fn of_plan(
@@ -83,25 +83,29 @@ fn of_plan(
         );
         return Err(ApiError::new("plan_not_sendable", message));
     }
-    let n_commands = stored.answer.commands.len();
-    let Some(PlanCommand { title, body, duration_s, .. }) = stored.answer.commands.get(plan.index)
-    else {
-        let message = format!("plan.index is {}; the plan has {n_commands} commands", plan.index);
+    let Some(PlanCommand { title, body, duration_s, .. }) = stored.command(plan) else {
+        let (n, of) = (stored.answer.commands.len(), if plan.retreat { " back" } else { "" });
+        let message = format!("plan.index is {}; the plan has {n} commands{of}", plan.index);
         return Err(ApiError::new("command_index", message));
     };
-    check_basis(app, plan, When::Staging)?;
     let robot = app.live.robot();
-    let before = stored.before(robot, plan.index);
-    Ok(StageCommand {
+    let after = stored.done_before(plan);
+    let before = stored.after(robot, after);
+    let command = StageCommand {
         id: request.id.clone(),
         operator: who.into(),
         title: title.clone(),
         body: body.clone(),
         plan: Some(plan.clone()),
+        after,
         duration_s: *duration_s,
         basis_joints_rad: joints_of(robot, &before),
         basis_tolerance_rad: BASIS_JOINT_RAD,
-    })
+    };
+    // Out of order the basis cannot hold: the order says more.
+    app.live.locked().0.commands().may_stage(&command)?;
+    check_basis(app, plan, When::Staging)?;
+    Ok(command)
 }
 
 fn joints_of(robot: &Robot, configuration: &Configuration) -> BTreeMap<String, Vec<f64>> {
@@ -127,7 +131,7 @@ fn by_hand(
             let pieces = pieces(&path, knots.iter().map(|knot| knot.time_s));
             (format!("Move {leg} through {} knots", knots.len()), duration_s(robot, pieces))
         }
-        CommandBody::BodyPath { knots } => {
+        CommandBody::BodyPath { knots, .. } => {
             let standing = latest.frame.contacts.iter().filter(|(_, stands)| **stands);
             let standing: Vec<&str> = standing.map(|(leg, _)| leg.as_str()).collect();
             let at = at.field("knots");
@@ -149,6 +153,7 @@ fn by_hand(
         title,
         body: body.clone(),
         plan: None,
+        after: 0,
         duration_s,
         basis_joints_rad: if is_stop { BTreeMap::new() } else { joints_of(robot, &now) },
         basis_tolerance_rad: BASIS_JOINT_RAD,

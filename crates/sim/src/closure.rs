@@ -1,17 +1,20 @@
 //! Where the base is while several legs move over wheels that stand.
 //!
-//! Base and ground are joined by all standing legs at once: a closed chain. Each wheel is braked, so
-//! its pose is to stay where it was. Joint-linear motion between knots bends the chain a little; the
+//! Base and ground are joined by all standing legs at once: a closed chain. A braked wheel's pose is
+//! to stay where it was; of a wheel that its drive holds, center and axle are. Joint-linear motion between knots bends the chain a little; the
 //! rover then takes the base pose that fits best, and what is left is *slip* of the wheels.
 //!
 //! The fit is the rigid motion T = (R, t) that minimizes Σ |T c - c'|² + r² |R A - A'|²/2 over the
 //! wheels: c is the center, A the orientation as a matrix, r the radius, primes where it stood.
 //! For a small turn by an angle, |R A - A'|²/2 is its square: turning a wheel counts as the length
-//! that its rim slips. Both parts are linear in R, so one singular value decomposition solves it
+//! that its rim slips. A wheel held by its drive has |R a - a'|² with its axle a instead: turns about
+//! the axle are free. All parts are linear in R, so one singular value decomposition solves it
 //! (Kabsch 1976).
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 use rover::{Configuration, LegAngles, LegId, Posture, Robot};
+
+use crate::command::WheelHold;
 
 /// Largest slip of a standing wheel for a robot of scale 1 (m); plans keep to 2 mm.
 const SLIP_MAX: f64 = 0.005;
@@ -25,6 +28,7 @@ pub(crate) fn slip_max(robot: &Robot) -> f64 {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Closure {
     anchors: Vec<(LegId, Isometry3<f64>)>,
+    hold: WheelHold,
 }
 
 /// Standing wheels as well as they can be with some joint angles.
@@ -42,9 +46,9 @@ pub(crate) struct Fit {
 
 impl Closure {
     /// The wheels of `standing` stay where they are in `posture`. There must be one.
-    pub fn new(robot: &Robot, posture: &Posture, standing: &[LegId]) -> Closure {
+    pub fn new(robot: &Robot, posture: &Posture, standing: &[LegId], hold: WheelHold) -> Closure {
         let anchor = |leg: &LegId| (*leg, posture.wheel(robot, *leg).world_from_wheel);
-        Closure { anchors: standing.iter().map(anchor).collect() }
+        Closure { anchors: standing.iter().map(anchor).collect(), hold }
     }
 
     /// The legs that stand.
@@ -64,12 +68,16 @@ impl Closure {
                 Pair { wheel: wheel.world_from_wheel, stood: *stood, radius: wheel.radius }
             })
             .collect();
-        configuration.world_from_base = best_fit(&wheels);
+        configuration.world_from_base = best_fit(&wheels, self.hold);
         let base = configuration.world_from_base;
         let slips = self.legs().zip(&wheels).map(|(leg, Pair { wheel, stood, radius })| {
             let now = base * wheel;
             let center = (now.translation.vector - stood.translation.vector).norm();
-            (leg, center.max(radius * now.rotation.angle_to(&stood.rotation)))
+            let turn = match self.hold {
+                WheelHold::Brakes => now.rotation.angle_to(&stood.rotation),
+                WheelHold::Drives => axle(&now).angle(&axle(stood)),
+            };
+            (leg, center.max(radius * turn))
         });
         let (leg, slip) = slips.fold(
             (LegId(0), 0.0),
@@ -92,7 +100,7 @@ struct Pair {
 }
 
 /// The rigid motion that takes the wheels best to where they stand; see the head of this file.
-fn best_fit(pairs: &[Pair]) -> Isometry3<f64> {
+fn best_fit(pairs: &[Pair], hold: WheelHold) -> Isometry3<f64> {
     let n = pairs.len().max(1) as f64;
     let middle = |of: fn(&Pair) -> &Isometry3<f64>| {
         pairs.iter().map(|pair| of(pair).translation.vector).sum::<Vector3<f64>>() / n
@@ -101,11 +109,22 @@ fn best_fit(pairs: &[Pair]) -> Isometry3<f64> {
     let mut correlation = Matrix3::zeros();
     for Pair { wheel, stood, radius } in pairs {
         let (a, b) = (wheel.translation.vector - from, stood.translation.vector - to);
-        let turn = (stood.rotation * wheel.rotation.inverse()).to_rotation_matrix();
-        correlation += b * a.transpose() + turn.into_inner() * (0.5 * radius * radius);
+        let turn = match hold {
+            WheelHold::Brakes => {
+                let turn = stood.rotation * wheel.rotation.inverse();
+                turn.to_rotation_matrix().into_inner() * 0.5
+            }
+            WheelHold::Drives => axle(stood) * axle(wheel).transpose(),
+        };
+        correlation += b * a.transpose() + turn * (radius * radius);
     }
     let rotation = nearest_rotation(&correlation);
     Isometry3::from_parts((to - rotation * from).into(), rotation)
+}
+
+/// The direction of a wheel's axle.
+fn axle(wheel: &Isometry3<f64>) -> Vector3<f64> {
+    wheel.rotation * Vector3::y()
 }
 
 /// The rotation R with the largest trace of Rᵀ `correlation`.
@@ -147,10 +166,27 @@ mod tests {
             for n in [1, 3, 6] {
                 let pairs: Vec<_> =
                     wheels()[..n].iter().map(|wheel| pair(*wheel, motion * wheel)).collect();
-                let found = best_fit(&pairs);
+                let found = best_fit(&pairs, WheelHold::Brakes);
                 assert!((found.inverse() * motion).translation.vector.norm() < 1e-9);
                 assert!(found.rotation.angle_to(&motion.rotation) < 1e-9);
             }
+        }
+    }
+
+    #[test]
+    fn wheels_held_by_their_drives_may_have_turned_about_their_axles() {
+        let motion = pose(1.0, -2.0, 3.0, [0.3, 1.4, -2.0]);
+        let pitched = |(i, w): (usize, &Isometry3<f64>)| {
+            pair(w * pose(0.0, 0.0, 0.0, [0.0, 0.4 * (i as f64 - 2.0), 0.0]), motion * w)
+        };
+        for n in [3, 6] {
+            let pairs: Vec<_> = wheels()[..n].iter().enumerate().map(pitched).collect();
+            let off = |hold| {
+                let off = best_fit(&pairs, hold).inverse() * motion;
+                off.translation.vector.norm() + off.rotation.angle()
+            };
+            assert!(off(WheelHold::Drives) < 1e-9);
+            assert!(off(WheelHold::Brakes) > 1e-3);
         }
     }
 
@@ -172,7 +208,7 @@ mod tests {
             };
             pairs.iter().map(of).sum()
         };
-        let found = best_fit(&pairs);
+        let found = best_fit(&pairs, WheelHold::Brakes);
         let best = cost(&found);
         for k in 0..6 {
             for step in [-1e-4, 1e-4] {

@@ -41,11 +41,13 @@ pub enum Motion {
         /// 2 to [`KNOTS_MAX`] knots, the first one where the leg is.
         knots: Vec<JointKnot>,
     },
-    /// Move all standing legs at once over their braked wheels: the body shifts. Timed as a joint
-    /// path; the base goes where it fits best to the wheels that stand.
+    /// Move all standing legs at once over their wheels: the body shifts. Timed as a joint path; the
+    /// base goes where it fits best to the wheels that stand.
     BodyPath {
         /// 2 to [`BODY_KNOTS_MAX`] knots, the first one where the legs are.
         knots: Vec<BodyKnot>,
+        /// What keeps the wheels where they stand.
+        hold: WheelHold,
     },
     /// Move one leg's wheel along a straight line, keeping the wheel's orientation.
     WheelLine {
@@ -56,6 +58,17 @@ pub enum Motion {
     },
     /// Stop where the rover is; what is under way is aborted.
     Stop,
+}
+
+/// What keeps standing wheels in place while the body shifts.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum WheelHold {
+    /// Brakes: a wheel is one body with its fork, and neither turns.
+    #[default]
+    Brakes,
+    /// Drives: they turn the wheel against its fork as the fork pitches about the axle, so that the
+    /// tread stays where it is.
+    Drives,
 }
 
 /// A knot of one leg's path.

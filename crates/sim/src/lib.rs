@@ -1,6 +1,6 @@
 //! The simulated rover: a rigid stand-in that takes commands and reports frames as a real one does.
 //!
-//! The rover is rigid and statically stable (F9): it stands on three braked wheels or more. Either
+//! The rover is rigid and statically stable (F9): it stands on three held wheels or more. Either
 //! one leg moves and the base does not, or all standing legs move at once and the base shifts over
 //! wheels that stay. No compliance but for the loads told of pressed wheels, no dynamics. Time
 //! comes in through [`SimRover::advance`] alone; there is no clock, no random number, no I/O, and
@@ -22,7 +22,7 @@ mod stand;
 
 pub use command::{
     BODY_KNOTS_MAX, Basis, BodyKnot, Command, ID_LENGTH_MAX, JointKnot, KNOTS_MAX, Motion, Refusal,
-    START_TOLERANCE_RAD, TIME_MAX_S,
+    START_TOLERANCE_RAD, TIME_MAX_S, WheelHold,
 };
 pub use frame::{Event, Executing, Frame, Mode, Stage};
 pub use guard::Fault;

@@ -6,8 +6,8 @@ use stability::support_polygon;
 
 use crate::closure::Closure;
 use crate::command::{
-    BODY_KNOTS_MAX, BodyKnot, Command, ID_LENGTH_MAX, KNOTS_MAX, Motion, Refusal, body_knots,
-    check_basis, check_count, check_knots, leg_named, times_of_pieces,
+    BODY_KNOTS_MAX, BodyKnot, Command, ID_LENGTH_MAX, KNOTS_MAX, Motion, Refusal, WheelHold,
+    body_knots, check_basis, check_count, check_knots, leg_named, times_of_pieces,
 };
 use crate::frame::{Event, Executing, Frame, Mode, Stage};
 use crate::guard::{Fault, Guard, LOOK, look_at_shift, predict_shift, predict_support, touched};
@@ -356,7 +356,7 @@ impl SimRover {
                 let times = vec![0.0; knots.len()];
                 (leg, knots.into_iter().map(|angles| vec![angles]).collect(), times)
             }
-            Motion::BodyPath { knots } => return self.plan_shift(knots),
+            Motion::BodyPath { knots, hold } => return self.plan_shift(knots, *hold),
             Motion::Stop => unreachable!("a stop has no path"),
         };
         let path = self.timed(vec![leg], knots, &times);
@@ -364,7 +364,11 @@ impl SimRover {
         Ok((Moving::Leg(leg), path))
     }
 
-    fn plan_shift(&self, knots: &[BodyKnot]) -> Result<(Moving, TimedPath), Refusal> {
+    fn plan_shift(
+        &self,
+        knots: &[BodyKnot],
+        hold: WheelHold,
+    ) -> Result<(Moving, TimedPath), Refusal> {
         let robot = self.scene.robot();
         check_count(knots.len(), BODY_KNOTS_MAX)?;
         let times = times_of_pieces(knots.iter().map(|knot| knot.time_s))?;
@@ -374,7 +378,7 @@ impl SimRover {
         let present: Vec<_> = legs.iter().map(|leg| all[leg.0]).collect();
         check_knots(robot, &legs, &stances, &present)?;
         let path = self.timed(legs, stances, &times);
-        let closure = Closure::new(robot, &self.posture, &standing);
+        let closure = Closure::new(robot, &self.posture, &standing, hold);
         predict_shift(&self.scene, &closure, &self.feet, all, &path)?;
         Ok((Moving::Body(closure), path))
     }

@@ -169,12 +169,16 @@ pub enum CommandBody {
         /// Knots in order, at least two.
         knots: Vec<JointKnot>,
     },
-    /// Shift the body over its feet: move all standing legs at once, joint-linear between knots,
-    /// brakes on. The base follows from the wheels, which stay where they stand; the rover refuses a
-    /// path on which they would slip or it would tip. The first knot must be where the legs are.
+    /// Shift the body over its feet: move all standing legs at once, joint-linear between knots. The
+    /// base follows from the wheels, which stay where they stand; the rover refuses a path on which
+    /// they would slip or it would tip. The first knot must be where the legs are.
     BodyPath {
         /// Knots in order, 2 to 1000.
         knots: Vec<BodyKnot>,
+        /// The wheel drives hold the standing wheels in place instead of the brakes: forks may pitch
+        /// about the axles.
+        #[serde(default, skip_serializing_if = "is_false")]
+        drive_hold: bool,
     },
     /// Move one leg's wheel center along a straight line, keeping the wheel's orientation.
     WheelLine {
@@ -341,14 +345,34 @@ pub struct CommandRecord {
     pub why: Option<String>,
 }
 
-/// Which command of which plan.
+/// Which command of which plan: one of its `commands`, or one of its `retreat`.
+///
+/// A plan's commands go in order, each after the one before is done. Its way back goes likewise:
+/// - `retreat` has a part for each command, in the opposite order: with n commands, part i undoes
+///   command n - 1 - i.
+/// - A part may be staged once the command that it undoes is done (else `not_executed`), while no
+///   command of the plan is on its way or under way (else `plan_under_way`).
+/// - It is armed when that command is the last one done and not undone (else `order`).
+/// - Once a part is done the plan goes back only: what is staged of its commands expires, and others
+///   are refused (`backing_out`). To go forward, plan anew.
+/// - A command that ended elsewhere than at its end is not undone: the rover is then not where the
+///   way back begins (`basis_changed`).
+///
+/// Basis, arming and sending are the same both ways.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlanCommandRef {
     /// The plan.
     pub plan_id: String,
-    /// Index into the plan's commands.
+    /// Index into the plan's commands or, with `retreat`, into its way back.
     pub index: usize,
+    /// A part of the way back; false where absent.
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub retreat: bool,
+}
+
+fn is_false(value: &bool) -> bool {
+    !value
 }
 
 /// Delays of the link, changeable while it runs.

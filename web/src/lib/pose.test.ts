@@ -46,5 +46,9 @@ describe("the pose along a plan", () => {
     expect(mid.stance?.base.position_m).toEqual([0.2, 0, 1]);
     expect(mid.stance?.joints_rad).toEqual({ leg1: [1], leg2: [1] });
     expect(poseAt("leg1", shifting, 9, reported).stance?.joints_rad.leg1).toEqual([1.5]);
+    const lift = [...shifting, { joints_rad: [2], time_s: 6 }, { joints_rad: [3], time_s: 8 }];
+    const lifted = poseAt("leg1", lift, 7, reported);
+    expect(lifted.stance?.base.position_m).toEqual([0.2, 0, 1]);
+    expect(lifted.stance?.joints_rad).toEqual({ leg1: [2.5], leg2: [1] });
   });
 });

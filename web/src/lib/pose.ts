@@ -25,9 +25,11 @@ export function poseAt(
   const i = found < 0 ? waypoints.length - 1 : found;
   const b = waypoints[i]!;
   const a = waypoints[i - 1] ?? b;
-  const from = a.stance ?? reported;
+  // What was shifted stays shifted.
+  const shifted = waypoints.slice(0, i).findLast((w) => w.stance)?.stance;
+  const from = shifted ?? reported;
   const to = b.stance ?? from;
-  if (!a.stance && !b.stance) return { leg, joints_rad, stance: null };
+  if (!shifted && !b.stance) return { leg, joints_rad, stance: null };
   if (!from || !to) return { leg, joints_rad, stance: to ?? null };
   const span = b.time_s - a.time_s;
   const s = span > 0 ? Math.min(1, Math.max(0, (t - a.time_s) / span)) : 1;

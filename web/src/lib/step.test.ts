@@ -1,7 +1,8 @@
 import { describe, expect, it } from "vitest";
 
-import type { CommandRecord, CommandState, JobReport, PlanAnswer } from "../api/types";
-import { jointsAt, predictedJoints, type StepInputs, stepOf } from "./step";
+import type { CommandRecord, CommandState, JobReport, PlanAnswer, RoverState } from "../api/types";
+import { planProgress } from "./planProgress";
+import { jointsAt, predictedPose, type StepInputs, stepOf } from "./step";
 
 const T0 = Date.UTC(2026, 10, 23, 15);
 const at = (s: number) => new Date(T0 + 1000 * s).toISOString();
@@ -11,12 +12,12 @@ const knots = [
   { joints_rad: [1, -2], time_s: 4 },
 ];
 
-function record(state: CommandState, index = 0): CommandRecord {
+function record(state: CommandState, index = 0, retreat = false): CommandRecord {
   return {
     id: `c${index}`,
     body: { type: "joint_path", leg: "leg2", knots },
     title: "Lift leg 2",
-    plan: { plan_id: "p", index },
+    plan: { plan_id: "p", index, retreat },
     state,
     operator: "o",
     staged: at(0),
@@ -37,15 +38,16 @@ const plan = {
   leg: "leg2",
   findings: [{ check: "margin", ok: true, margin: 0.2 }],
   commands: ["Lift leg 2", "Move leg 2 across", "Put leg 2 down"].map((title) => ({ title })),
+  retreat: ["Lift leg 2 again", "Move leg 2 back", "Put leg 2 back"].map((title) => ({ title })),
 } as unknown as PlanAnswer;
 
-function look(inputs: Partial<StepInputs>) {
+function look({ commands = [], ...inputs }: Partial<StepInputs> & { commands?: CommandRecord[] }) {
   const { stage, yours, trouble } = stepOf({
     leg: null,
     picked: false,
     job: null,
     plan: null,
-    commands: [],
+    progress: inputs.plan ? planProgress(inputs.plan, commands) : null,
     byHand: null,
     now_ms: T0 + 500,
     ...inputs,
@@ -58,7 +60,7 @@ const job = (state: JobReport["state"]) =>
 
 describe("a step goes from left to right", () => {
   const chosen = { leg: "leg2", picked: true };
-  const story: [string, Partial<StepInputs>][] = [
+  const story: [string, Parameters<typeof look>[0]][] = [
     ["pick", {}],
     ["pick", { leg: "leg2" }],
     ["plan", chosen],
@@ -71,6 +73,13 @@ describe("a step goes from left to right", () => {
     ["arm", { ...chosen, plan, commands: [record("done")] }],
     ["send waits", { ...chosen, plan, commands: [record("done"), record("sent", 1)] }],
     ["done", { ...chosen, plan, commands: [0, 1, 2].map((i) => record("done", i)) }],
+    ["arm", { ...chosen, plan, commands: [record("done"), record("staged", 2, true)] }],
+    ["send waits", { ...chosen, plan, commands: [record("done"), record("sent", 2, true)] }],
+    ["done", { ...chosen, plan, commands: [record("done"), record("done", 2, true)] }],
+    [
+      "arm",
+      { ...chosen, plan, commands: [record("done"), record("done", 1), record("done", 1, true)] },
+    ],
   ];
   it.each(story.map(([stage, inputs], i) => [i, stage, inputs] as const))(
     "moment %i: %s",
@@ -79,12 +88,13 @@ describe("a step goes from left to right", () => {
 });
 
 describe("trouble is told where it is", () => {
-  it.each<[string, Partial<StepInputs>]>([
+  it.each<[string, Parameters<typeof look>[0]]>([
     ["plan trouble", { job: job("failed") }],
     ["check trouble", { plan: { ...plan, outcome: "unreachable" } as PlanAnswer }],
     ["send trouble", { plan, commands: [record("overdue")] }],
     ["arm trouble", { plan, commands: [record("expired")] }],
     ["arm trouble", { plan, commands: [record("failed")] }],
+    ["arm trouble", { plan, commands: [record("done"), record("failed", 2, true)] }],
     ["arm", { plan, commands: [record("armed")], now_ms: T0 + 31_000 }],
   ])("%s", (stage, inputs) => expect(look(inputs)).toBe(stage));
 
@@ -102,9 +112,38 @@ describe("dead reckoning", () => {
   });
 
   it("starts when the command arrives, and says nothing of what is not under way", () => {
-    expect(predictedJoints(record("sent"), T0 + 1000)).toBeNull();
-    expect(predictedJoints(record("sent"), T0 + 3300)?.joints_rad).toEqual([0.5, -1]);
-    expect(predictedJoints(record("done"), T0 + 3300)).toBeNull();
-    expect(predictedJoints(record("overdue"), T0 + 9300)).toBeNull();
+    expect(predictedPose(record("sent"), T0 + 1000)).toBeNull();
+    expect(predictedPose(record("sent"), T0 + 3300)?.joints_rad).toEqual([0.5, -1]);
+    expect(predictedPose(record("done"), T0 + 3300)).toBeNull();
+    expect(predictedPose(record("overdue"), T0 + 9300)).toBeNull();
+  });
+
+  it("carries the base through a body shift and back", () => {
+    const at_x = (x: number) =>
+      ({
+        base: { position_m: [x, 0, 1], orientation_xyzw: [0, 0, 0, 1] },
+        joints_rad: { leg2: [x] },
+      }) as unknown as RoverState;
+    const waypoints = [0, 4].map((time_s) => {
+      const x = 0.1 * time_s;
+      return { joints_rad: [x], phase: "shift", time_s, stance: at_x(x), hold: true };
+    });
+    const shifting = { ...plan, waypoints } as unknown as PlanAnswer;
+    const knots = waypoints.map(({ stance, time_s }) => ({
+      joints_rad: stance.joints_rad,
+      time_s,
+    }));
+    const command = (retreat: boolean): CommandRecord => ({
+      ...record("executing", 0, retreat),
+      body: { type: "body_path", knots, drive_hold: false },
+    });
+    const x = (retreat: boolean, s: number) =>
+      predictedPose(command(retreat), T0 + 1300 + 1000 * s, shifting)?.stance?.base.position_m[0];
+    expect(x(false, 1)).toBeCloseTo(0.1, 9);
+    expect(x(false, 9)).toBeCloseTo(0.4, 9);
+    expect(x(true, 1)).toBeCloseTo(0.3, 9);
+    expect(x(true, 9)).toBeCloseTo(0, 9);
+    expect(predictedPose(command(false), T0 + 2300, plan)).toBeNull();
+    expect(predictedPose(command(false), T0 + 2300)).toBeNull();
   });
 });

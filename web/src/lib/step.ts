@@ -1,9 +1,11 @@
 // The story of one step, from pick to done: where it is, and what the console waits for.
 
-import type { CommandRecord, JobReport, PlanAnswer } from "../api/types";
+import type { CommandRecord, JobReport, PlanAnswer, RoverState } from "../api/types";
 import { commandClock, isUnderWay } from "./commandClock";
 import { legLabel } from "./format";
-import { inTheWayOf } from "./planWords";
+import { isOver, type PlanProgress } from "./planProgress";
+import { inTheWayOf, phaseSpans } from "./planWords";
+import { type PlanPose, poseAt } from "./pose";
 import { parseOptional } from "./time";
 
 export const STAGES = ["pick", "plan", "check", "arm", "send", "executing", "done"] as const;
@@ -14,8 +16,8 @@ export interface StepInputs {
   picked: boolean;
   job: JobReport | null;
   plan: PlanAnswer | null;
-  /** Present record of each of the plan's commands, by index. */
-  commands: (CommandRecord | undefined)[];
+  /** How far the plan has come; null without one. */
+  progress: PlanProgress | null;
   /** A command by hand that is open or under way; it comes before the plan. */
   byHand: CommandRecord | null;
   now_ms: number;
@@ -49,7 +51,7 @@ export function stepOf(inputs: StepInputs): Step {
     const sentence = job.error?.message ?? "The planner failed.";
     return step("plan", sentence, { trouble: true });
   }
-  if (plan) return stepOfPlan(inputs, plan);
+  if (plan && inputs.progress) return stepOfPlan(plan, inputs.progress, inputs.now_ms);
   if (leg === null) return step("pick", "Choose a leg: click a wheel, or press 1 to 6.");
   if (!inputs.picked) {
     return step("pick", `Pick a footfall for ${legLabel(leg)}: click the ground.`);
@@ -57,23 +59,32 @@ export function stepOf(inputs: StepInputs): Step {
   return step("plan", `Plan a step of ${legLabel(leg)} to the picked place: press Enter.`);
 }
 
-function stepOfPlan(inputs: StepInputs, plan: PlanAnswer): Step {
+function stepOfPlan(plan: PlanAnswer, progress: PlanProgress, now_ms: number): Step {
   if (plan.outcome !== "found") {
     const why = plan.constraint ? `${inTheWayOf(plan)}. Pick another place.` : plan.reason;
     return step("check", why ?? "No path was found. Pick another place.", {
       trouble: true,
     });
   }
-  const count = plan.commands.length;
-  const index = inputs.commands.findIndex((c) => c?.state !== "done");
-  const next = index < 0 || index >= count ? -1 : index;
-  const open = plan.commands.findIndex((_, i) => inputs.commands[i]?.state !== "done");
-  const at = next >= 0 ? next : open;
-  if (at < 0) return step("done", `The step of ${legLabel(plan.leg)} is done. Pick the next.`);
-  const title = plan.commands[at]!.title;
-  const record = inputs.commands[at];
-  if (!record) return unstaged(plan, at, title);
-  return stepOfCommand(record, title, ` (${at + 1} of ${count})`, inputs.now_ms);
+  if (progress.turned) return stepBack(plan, progress, now_ms);
+  const at = progress.done;
+  const command = plan.commands[at];
+  if (!command) return step("done", `The step of ${legLabel(plan.leg)} is done. Pick the next.`);
+  const record = progress.forward[at];
+  if (!record) return unstaged(plan, at, command.title);
+  return stepOfCommand(record, command.title, ` (${at + 1} of ${plan.commands.length})`, now_ms);
+}
+
+/** Where a step stands that is being backed out. */
+function stepBack(plan: PlanAnswer, progress: PlanProgress, now_ms: number): Step {
+  if (isOver(progress)) {
+    return step("done", `The step of ${legLabel(plan.leg)} is backed out. Pick the next.`);
+  }
+  const at = plan.commands.length - progress.done;
+  const title = plan.retreat[at]?.title ?? "";
+  const record = progress.back[at];
+  if (record) return stepOfCommand(record, title, ", on the way back,", now_ms);
+  return step("arm", `Next on the way back is “${title}”: stage and arm it.`, { command: title });
 }
 
 /** Where one command stands; `of` says which of how many it is. */
@@ -130,17 +141,40 @@ function unstaged(plan: PlanAnswer, at: number, title: string): Step {
   return step("arm", `Next is “${title}”: stage and arm it.`, { command: title });
 }
 
-/** What the command's motion will have done by `now_ms`, as joints of its leg: dead reckoning. */
-export function predictedJoints(
+/**
+ * What a command's motion will have done by `now_ms`: dead reckoning; null where nothing moves. The base of a body shift is known from `plan` alone: that of
+ * the command, or nothing is predicted.
+ */
+export function predictedPose(
   command: CommandRecord,
   now_ms: number,
-): { leg: string; joints_rad: number[] } | null {
-  if (command.body.type !== "joint_path" || !isUnderWay(command.state)) return null;
-  if (command.state === "overdue") return null;
+  plan: PlanAnswer | null = null,
+  reported: RoverState | null = null,
+): PlanPose | null {
+  const { body, state } = command;
+  if (!isUnderWay(state) || state === "overdue") return null;
   const arrives = parseOptional(command.arrives);
   if (arrives === null || now_ms < arrives) return null;
   const t = (now_ms - arrives) / 1000;
-  return { leg: command.body.leg, joints_rad: jointsAt(command.body.knots, t) };
+  if (body.type === "joint_path") {
+    return { leg: body.leg, joints_rad: jointsAt(body.knots, t), stance: null };
+  }
+  if (body.type !== "body_path" || !plan || plan.id !== command.plan?.plan_id) return null;
+  return shiftAt(plan, t, command.plan.retreat ?? false, reported);
+}
+
+/** A plan's shift `t` seconds after its beginning, or on the way back. */
+function shiftAt(
+  plan: PlanAnswer,
+  t: number,
+  back: boolean,
+  reported: RoverState | null,
+): PlanPose | null {
+  const span = phaseSpans(plan.waypoints).find((s) => s.phase === "shift");
+  if (!span) return null;
+  const passed = Math.min(t, span.to_s - span.from_s);
+  const at = back ? span.to_s - passed : span.from_s + passed;
+  return poseAt(plan.leg, plan.waypoints, at, reported);
 }
 
 /** Joint-linear between knots, held at both ends. */

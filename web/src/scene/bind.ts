@@ -1,9 +1,16 @@
 // Ties the stores to the viewer: what changes there is shown here.
 
 import type { RasterHeader } from "../api/tiles";
-import type { PlanAnalysis, RoverTelemetry, Vec2, Vec3 } from "../api/types";
-import { poseAt } from "../lib/pose";
-import { predictedJoints } from "../lib/step";
+import type {
+  CommandRecord,
+  PlanAnalysis,
+  RoverState,
+  RoverTelemetry,
+  Vec2,
+  Vec3,
+} from "../api/types";
+import { type PlanPose, poseAt } from "../lib/pose";
+import { predictedPose } from "../lib/step";
 import { useConsole } from "../store/console";
 import { freshnessOf } from "../store/freshness";
 import { useFollow } from "../store/follow";
@@ -149,18 +156,27 @@ function showPredicted(viewer: Viewer, channels: Channels): void {
   if (!viewer.robot) return;
   const replaying = useConsole.getState().stream.replayState !== null;
   const now = shownNow();
-  const predicted = replaying
-    ? null
-    : channels.commands.map((c) => predictedJoints(c, now)).findLast((p) => p !== null);
-  const reported = predicted && channels.rover?.message.state.joints_rad[predicted.leg];
-  const aim = predicted?.joints_rad ?? [];
-  const apart = reported?.some((q, i) => Math.abs(q - (aim[i] ?? q)) > 0.01) ?? false;
-  const leg = predicted && apart ? predicted.leg : null;
+  const reported = channels.rover?.message.state ?? null;
+  const { plan } = usePlan.getState();
+  const guess = (c: CommandRecord) => predictedPose(c, now, plan, reported);
+  const predicted = replaying ? null : channels.commands.map(guess).findLast((p) => p !== null);
+  const pose = predicted && reported && apart(predicted, reported) ? predicted : null;
   const shownBefore = useView.getState().predicted;
-  if (leg === null && !shownBefore) return;
-  if (shownBefore !== (leg !== null)) useView.setState({ predicted: leg !== null });
-  viewer.robot.setPredicted(leg, aim);
+  if (pose === null && !shownBefore) return;
+  if (shownBefore !== (pose !== null)) useView.setState({ predicted: pose !== null });
+  viewer.robot.setPredicted(pose);
   viewer.invalidate();
+}
+
+/** Largest difference between a predicted and the reported pose that is not drawn (rad, m). */
+const NEAR_RAD = 0.01;
+const NEAR_M = 0.005;
+
+function apart({ leg, joints_rad, stance }: PlanPose, reported: RoverState): boolean {
+  const further = (a: number[], b: number[], by: number) =>
+    a.some((v, i) => Math.abs(v - (b[i] ?? v)) > by);
+  if (stance) return further(stance.base.position_m, reported.base.position_m, NEAR_M);
+  return further(reported.joints_rad[leg] ?? [], joints_rad, NEAR_RAD);
 }
 
 function bindTerrain(viewer: Viewer): Unbind {

@@ -54,7 +54,7 @@ export class RobotView {
   private ghostLeg: string | null = null;
   private ghostWhole = false;
   private soft = false;
-  private predictedLeg: string | null = null;
+  private predictedShown = "";
 
   constructor(
     readonly model: RoverModel,
@@ -140,10 +140,13 @@ export class RobotView {
     this.poseOther(this.ghost, leg, pose?.joints_rad ?? [], pose?.stance);
   }
 
-  setPredicted(leg: string | null, joints_rad: number[]): void {
-    if (leg !== this.predictedLeg) this.only(this.predicted, leg);
-    this.predictedLeg = leg;
-    this.poseOther(this.predicted, leg, joints_rad);
+  /** The pose guessed for now: the leg alone, or the whole rover while its body shifts. */
+  setPredicted(pose: PlanPose | null): void {
+    const leg = pose?.leg ?? null;
+    const shown = pose?.stance ? "*" : (leg ?? "");
+    if (shown !== this.predictedShown) this.only(this.predicted, pose?.stance ? null : leg);
+    this.predictedShown = shown;
+    this.poseOther(this.predicted, leg, pose?.joints_rad ?? [], pose?.stance);
   }
 
   /** Centers of the stepping leg's wheel for a row of poses; the ghost is to be set anew after it. */
@@ -215,10 +218,10 @@ export class RobotView {
     robot.updateMatrixWorld(true);
   }
 
-  /** Leaves only one leg of a robot to be seen. */
+  /** Leaves only one leg of a robot to be seen; all of it where none is given. */
   private only(robot: URDFRobot, leg: string | null): void {
     robot.traverse((node: Object3D) => {
-      if (node instanceof Mesh) node.visible = node.userData.leg === leg;
+      if (node instanceof Mesh) node.visible = leg === null || node.userData.leg === leg;
     });
   }
 

@@ -41,7 +41,11 @@ async function ask(key: string, work: () => Promise<CommandRecord | undefined>):
   }
 }
 
-export const planKey = (ref: PlanCommandRef) => `${ref.plan_id}#${ref.index}`;
+/** One command of a plan by a short name: `2`, on the way back `back-2`. */
+export const commandName = ({ index, retreat }: PlanCommandRef) =>
+  `${retreat ? "back-" : ""}${index}`;
+
+export const planKey = (ref: PlanCommandRef) => `${ref.plan_id}#${commandName(ref)}`;
 
 export async function stagePlanned(ref: PlanCommandRef): Promise<boolean> {
   const key = planKey(ref);
@@ -62,16 +66,3 @@ export function stageByHand(body: CommandBody): Promise<boolean> {
 export const arm = (id: string) => ask(id, () => api.arm(id));
 export const sendArmed = (id: string) => ask(id, () => api.sendCommand(id));
 export const takeBack = (id: string) => ask(id, () => api.cancelCommand(id));
-
-/** The latest command staged for each of a plan's commands. */
-export function ofPlan(
-  commands: CommandRecord[],
-  plan_id: string,
-  count: number,
-): (CommandRecord | undefined)[] {
-  return Array.from({ length: count }, (_, index) =>
-    commands.findLast(
-      (c) => c.plan?.plan_id === plan_id && c.plan.index === index && c.state !== "cancelled",
-    ),
-  );
-}

@@ -6,7 +6,7 @@ import { create } from "zustand";
 import { api, ApiError, sentenceOf } from "../api/client";
 import type { CommandRecord, PlanAnalysis, PlanAnswer, Vec3 } from "../api/types";
 import { Latest } from "../lib/latest";
-import { ofPlan } from "./commands";
+import { isOver, planProgress } from "../lib/planProgress";
 import { useConsole } from "./console";
 import { usePlan } from "./plan";
 import { planRequest } from "./planOptions";
@@ -60,11 +60,10 @@ const latest = new Latest<Question, PlanAnalysis>({
   pause_ms: 400,
 });
 
-/** A plan that is looked at is not to be drawn over, until it is done. */
+/** A plan that is looked at is not to be drawn over, until it is done or backed out. */
 export function keepsFollowing(plan: PlanAnswer | null, commands: CommandRecord[]): boolean {
   if (plan?.outcome !== "found") return true;
-  const records = ofPlan(commands, plan.id, plan.commands.length);
-  return records.length > 0 && records.every((r) => r?.state === "done");
+  return isOver(planProgress(plan, commands));
 }
 
 /** What to ask for now; null where nothing is. */

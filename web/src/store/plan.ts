@@ -3,8 +3,8 @@
 import { create } from "zustand";
 
 import { api, sentenceOf } from "../api/client";
-import type { JobReport, PlanAnswer, Vec3 } from "../api/types";
-import { ofPlan } from "./commands";
+import type { CommandRecord, JobReport, PlanAnswer, Vec3 } from "../api/types";
+import { isBegun, isOver, planProgress } from "../lib/planProgress";
 import { followJob, useConsole } from "./console";
 import { liveBasis } from "./reach";
 import { planRequest } from "./planOptions";
@@ -72,24 +72,21 @@ useSelection.subscribe((now, before) => {
   const { plan } = usePlan.getState();
   if (!plan || (now.leg === before.leg && now.pick === before.pick)) return;
   const commands = useConsole.getState().stream.live.commands;
-  const records = ofPlan(commands, plan.id, plan.commands.length);
-  const begun = records.some((r) => r !== undefined);
-  const done = records.every((r) => r?.state === "done");
-  if (!begun || done) dropPlan();
+  const progress = planProgress(plan, commands);
+  if (!isBegun(progress) || isOver(progress)) dropPlan();
 });
 
-/** When a command is done the preview goes to its end: beside what was reached. */
+/** When a command is done or undone the preview goes there: beside what was reached. */
 useConsole.subscribe((now, before) => {
   const { plan } = usePlan.getState();
   const commands = now.stream.live.commands;
   if (!plan || plan.commands.length === 0 || commands === before.stream.live.commands) return;
-  const done = (of: typeof commands) =>
-    ofPlan(of, plan.id, plan.commands.length).findLastIndex((r) => r?.state === "done");
-  const last = done(commands);
-  if (last <= done(before.stream.live.commands)) return;
+  const done = (of: CommandRecord[]) => planProgress(plan, of).done;
+  const now_done = done(commands);
+  if (now_done === done(before.stream.live.commands)) return;
   stopPlaying();
-  const phase = plan.commands[last]!.phase;
-  set({ at_s: plan.waypoints.findLast((w) => w.phase === phase)?.time_s ?? planDuration(plan) });
+  const phase = plan.commands[now_done - 1]?.phase;
+  set({ at_s: plan.waypoints.findLast((w) => w.phase === phase)?.time_s ?? 0 });
 });
 
 export function planDuration(plan: PlanAnswer): number {

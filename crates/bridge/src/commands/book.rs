@@ -2,7 +2,9 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use wire::live::{AckStage, CommandEvent, CommandRecord, CommandState, Executing, Uplink};
+use wire::live::{
+    AckStage, CommandEvent, CommandRecord, CommandState, Executing, PlanCommandRef, Uplink,
+};
 use wire::time::Timestamp;
 
 use super::plans::PlanOrder;
@@ -32,6 +34,8 @@ pub struct CommandBook {
 #[derive(Debug)]
 struct Entry {
     record: CommandRecord,
+    /// See [`StageCommand::after`].
+    after: usize,
     basis_joints_rad: BTreeMap<String, Vec<f64>>,
     basis_tolerance_rad: f64,
     /// As `record.overdue_after`, and later where telemetry has granted more.
@@ -57,6 +61,7 @@ impl CommandBook {
         if !(0.0..=MAX_DURATION_S).contains(&duration_s) {
             return Err(CommandError::DurationInvalid { duration_s });
         }
+        self.may_stage(&command)?;
         self.make_room()?;
         let record = CommandRecord {
             id: id.clone(),
@@ -77,6 +82,7 @@ impl CommandBook {
         };
         let entry = Entry {
             record: record.clone(),
+            after: command.after,
             basis_joints_rad: command.basis_joints_rad,
             basis_tolerance_rad: command.basis_tolerance_rad,
             deadline: None,
@@ -86,6 +92,21 @@ impl CommandBook {
         self.next_order += 1;
         self.events.push(event(now, &record, &command.operator, None));
         Ok(record)
+    }
+
+    /// Does the order of its plan allow a command to be staged? Commands by hand have none. See
+    /// [`PlanCommandRef`].
+    pub fn may_stage(&self, command: &StageCommand) -> Result<(), CommandError> {
+        let Some(plan) = &command.plan else { return Ok(()) };
+        let progress = self.plans.of(plan);
+        if !plan.retreat {
+            return if progress.backing_out { Err(CommandError::BackingOut) } else { Ok(()) };
+        }
+        let (undoes, done) = (command.after.saturating_sub(1), progress.done);
+        if command.after == 0 || command.after > done {
+            return Err(CommandError::NotExecuted { undoes, done });
+        }
+        self.plan_is_quiet(plan)
     }
 
     /// Arms a staged command for [`ARM_WINDOW_S`]. One command at a time, and the next of its plan
@@ -105,10 +126,8 @@ impl CommandBook {
             return Err(CommandError::NotStaged { id: id.into(), state: record.state });
         }
         if let Some(plan) = &record.plan {
-            let next = self.plans.next_of(plan);
-            if plan.index != next {
-                return Err(CommandError::Order { id: id.into(), index: plan.index, next });
-            }
+            self.is_next_of_plan(id, plan)?;
+            self.plan_is_quiet(plan)?;
         }
         if let Some(armed) = self.armed() {
             return Err(CommandError::OtherArmed { id: id.into(), armed: armed.id.clone() });
@@ -304,6 +323,13 @@ impl CommandBook {
         self.entries.values().map(|e| &e.record)
     }
 
+    /// Are all commands done that come before this one in its plan, and none undone that it
+    /// follows? True for a command without a plan.
+    pub fn is_next(&self, id: &str) -> bool {
+        let plan = self.get(id).and_then(|record| record.plan.as_ref());
+        plan.is_none_or(|plan| self.is_next_of_plan(id, plan).is_ok())
+    }
+
     /// The armed command.
     pub fn armed(&self) -> Option<&CommandRecord> {
         self.records().find(|r| r.state == CommandState::Armed)
@@ -316,6 +342,33 @@ impl CommandBook {
 
     fn known(&self, id: &str) -> Result<&CommandRecord, CommandError> {
         self.get(id).ok_or_else(|| CommandError::Unknown { id: id.chars().take(64).collect() })
+    }
+
+    fn is_next_of_plan(&self, id: &str, plan: &PlanCommandRef) -> Result<(), CommandError> {
+        let after = self.entries[&self.order_of[id]].after;
+        let progress = self.plans.of(plan);
+        if progress.is_next(plan, after) {
+            return Ok(());
+        }
+        let (id, done) = (id.to_owned(), progress.done);
+        Err(if plan.retreat {
+            CommandError::BackOrder { id, undoes: after.saturating_sub(1), done }
+        } else if progress.backing_out {
+            CommandError::BackingOut
+        } else {
+            CommandError::Order { id, index: plan.index, next: done }
+        })
+    }
+
+    /// An error while a command of the same plan is on its way or under way.
+    fn plan_is_quiet(&self, plan: &PlanCommandRef) -> Result<(), CommandError> {
+        let of_plan = |r: &&CommandRecord| {
+            r.plan.as_ref().is_some_and(|p| p.plan_id == plan.plan_id) && is_outstanding(r.state)
+        };
+        match self.records().find(of_plan) {
+            None => Ok(()),
+            Some(other) => Err(CommandError::PlanUnderWay { other: other.id.clone() }),
+        }
     }
 
     fn entry_mut(&mut self, id: &str) -> Option<&mut Entry> {
@@ -366,7 +419,28 @@ impl CommandBook {
             }
         });
         if let (CommandState::Done, Ok(CommandRecord { plan: Some(plan), .. })) = (state, ended) {
-            self.plans.done(&plan);
+            self.plan_went_on(now, id, &plan);
+        }
+    }
+
+    /// A command of a plan is done: what is staged of the plan for the other way has no basis left.
+    fn plan_went_on(&mut self, now: Timestamp, id: &str, plan: &PlanCommandRef) {
+        if !self.plans.done(plan, self.entries[&self.order_of[id]].after) {
+            return;
+        }
+        let turned = self.ids(|e| {
+            let other_way =
+                |p: &PlanCommandRef| p.plan_id == plan.plan_id && p.retreat != plan.retreat;
+            let open = matches!(e.record.state, CommandState::Staged | CommandState::Armed);
+            open && e.record.plan.as_ref().is_some_and(other_way)
+        });
+        let why = if plan.retreat {
+            "the plan is being backed out"
+        } else {
+            "the plan has gone on since"
+        };
+        for id in turned {
+            self.end(now, &id, SERVER, CommandState::Expired, Some(why));
         }
     }
 

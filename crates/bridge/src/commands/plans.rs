@@ -1,4 +1,4 @@
-//! The order of the commands of a plan.
+//! The order of the commands of a plan, forward and back.
 
 use std::collections::{HashMap, VecDeque};
 
@@ -6,31 +6,54 @@ use wire::live::PlanCommandRef;
 
 use super::MAX_COMMANDS;
 
-/// How far each plan has come: the index of its next command. The newest plans are kept.
+/// How far a plan has come.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct PlanProgress {
+    /// Its commands that are done and not undone.
+    pub done: usize,
+    /// One was undone: the plan goes back only.
+    pub backing_out: bool,
+}
+
+impl PlanProgress {
+    /// Is a command of the plan next that begins when `after` commands are done?
+    pub fn is_next(self, plan: &PlanCommandRef, after: usize) -> bool {
+        after == self.done && (plan.retreat || !self.backing_out)
+    }
+}
+
+/// How far each plan has come. The newest plans are kept.
 #[derive(Debug, Default)]
 pub struct PlanOrder {
-    next: HashMap<String, usize>,
+    progress: HashMap<String, PlanProgress>,
     begun: VecDeque<String>,
 }
 
 impl PlanOrder {
-    /// The index that is next in the plan of `plan`.
-    pub fn next_of(&self, plan: &PlanCommandRef) -> usize {
-        self.next.get(&plan.plan_id).copied().unwrap_or(0)
+    /// How far the plan of `plan` has come.
+    pub fn of(&self, plan: &PlanCommandRef) -> PlanProgress {
+        self.progress.get(&plan.plan_id).copied().unwrap_or_default()
     }
 
-    /// The command of `plan` is done.
-    pub fn done(&mut self, plan: &PlanCommandRef) {
-        if plan.index != self.next_of(plan) {
-            return;
+    /// The command of `plan` that began after `after` others is done; false if it was not next.
+    pub fn done(&mut self, plan: &PlanCommandRef, after: usize) -> bool {
+        let before = self.of(plan);
+        if !before.is_next(plan, after) {
+            return false;
         }
-        if self.next.insert(plan.plan_id.clone(), plan.index + 1).is_none() {
+        let now = if plan.retreat {
+            PlanProgress { done: after.saturating_sub(1), backing_out: true }
+        } else {
+            PlanProgress { done: after + 1, ..before }
+        };
+        if self.progress.insert(plan.plan_id.clone(), now).is_none() {
             self.begun.push_back(plan.plan_id.clone());
         }
         if self.begun.len() > MAX_COMMANDS
             && let Some(oldest) = self.begun.pop_front()
         {
-            self.next.remove(&oldest);
+            self.progress.remove(&oldest);
         }
+        true
     }
 }

@@ -1,6 +1,6 @@
 //! The life of commands: single rules, then all of them over random histories.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use bridge::commands::{
     CommandBook, CommandError, LightTimes, MAX_COMMANDS, StageCommand, is_terminal,
@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use wire::live::{AckStage, CommandEvent, CommandRecord, CommandState, Executing, Uplink};
 use wire::time::Timestamp;
 
-use crate::support::{START, after, motion, uuid};
+use crate::support::{START, after, back, motion, uuid};
 
 const MOON: LightTimes = LightTimes { up_s: 1.3, down_s: 1.3 };
 
@@ -174,6 +174,68 @@ fn memory_holds_1000_commands_and_lets_go_of_ended_ones_first() {
     assert_eq!(book.records().count(), MAX_COMMANDS);
 }
 
+/// Arms, sends and completes a command.
+#[track_caller]
+fn complete(book: &mut CommandBook, id: &str) {
+    book.arm(START, id, "ada").unwrap();
+    book.send(START, id, "ada", MOON).unwrap();
+    assert!(book.acknowledge(START, id, AckStage::Completed, None));
+}
+
+#[test]
+fn a_plan_is_backed_out_in_order_and_then_goes_back_only() {
+    let mut book = CommandBook::default();
+    let nothing = book.stage(START, back(&uuid(9), "step", 0, 3)).unwrap_err();
+    assert_eq!(nothing, CommandError::NotExecuted { undoes: 0, done: 0 });
+    for index in 0..3 {
+        book.stage(START, motion(&uuid(index), 1.0, Some(("step", index as usize)))).unwrap();
+    }
+    complete(&mut book, &uuid(0));
+    complete(&mut book, &uuid(1));
+    let not_yet = book.stage(START, back(&uuid(12), "step", 2, 3)).unwrap_err();
+    assert_eq!(not_yet, CommandError::NotExecuted { undoes: 2, done: 2 });
+    for undoes in 0..2 {
+        book.stage(START, back(&uuid(10 + undoes), "step", undoes as usize, 3)).unwrap();
+    }
+    let order = book.arm(START, &uuid(10), "ada").unwrap_err();
+    assert_eq!(order, CommandError::BackOrder { id: uuid(10), undoes: 0, done: 2 });
+    assert!(book.is_next(&uuid(11)) && book.is_next(&uuid(2)), "there and back are both open");
+
+    complete(&mut book, &uuid(11));
+    let forward = book.get(&uuid(2)).unwrap();
+    assert_eq!(forward.state, CommandState::Expired);
+    assert_eq!(forward.why.as_deref(), Some("the plan is being backed out"));
+    let forward = book.stage(START, motion(&uuid(3), 1.0, Some(("step", 1)))).unwrap_err();
+    assert_eq!((&forward, forward.code()), (&CommandError::BackingOut, "backing_out"));
+    let again = book.stage(START, back(&uuid(13), "step", 1, 3)).unwrap_err();
+    assert_eq!(again, CommandError::NotExecuted { undoes: 1, done: 1 });
+    complete(&mut book, &uuid(10));
+    assert!(book.stage(START, motion(&uuid(4), 1.0, Some(("step", 0)))).is_err());
+    book.stage(START, motion(&uuid(5), 1.0, Some(("other", 0)))).unwrap();
+}
+
+#[test]
+fn nothing_is_undone_while_a_command_of_the_plan_is_under_way() {
+    let mut book = CommandBook::default();
+    for index in 0..2 {
+        book.stage(START, motion(&uuid(index), 1.0, Some(("step", index as usize)))).unwrap();
+    }
+    complete(&mut book, &uuid(0));
+    book.stage(START, back(&uuid(10), "step", 0, 2)).unwrap();
+    book.arm(START, &uuid(1), "ada").unwrap();
+    book.send(START, &uuid(1), "ada", MOON).unwrap();
+    let under_way = CommandError::PlanUnderWay { other: uuid(1) };
+    assert_eq!(book.stage(START, back(&uuid(11), "step", 0, 2)).unwrap_err(), under_way);
+    assert_eq!(book.arm(START, &uuid(10), "ada").unwrap_err(), under_way);
+    // Refused on board: nothing has moved, and both ways are open again.
+    book.acknowledge(START, &uuid(1), AckStage::Rejected, Some("busy"));
+    book.stage(START, motion(&uuid(2), 1.0, Some(("step", 1)))).unwrap();
+    complete(&mut book, &uuid(2));
+    let expired = book.get(&uuid(10)).unwrap();
+    assert_eq!(expired.state, CommandState::Expired);
+    assert_eq!(expired.why.as_deref(), Some("the plan has gone on since"));
+}
+
 /// One random history of the book. Errors are part of it; what counts are the invariants.
 fn play(seed: u64) {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -186,7 +248,10 @@ fn play(seed: u64) {
         match rng.random_range(0..16) {
             0..3 => {
                 let plan = [None, Some(("a", 0)), Some(("a", 1)), Some(("b", 0))];
-                let command = motion(&id, 3.0, plan[rng.random_range(0..plan.len())]);
+                let command = match rng.random_range(0..plan.len() + 2) {
+                    n if n < plan.len() => motion(&id, 3.0, plan[n]),
+                    n => back(&id, "a", n - plan.len(), 2),
+                };
                 let _ = book.stage(now, command);
             }
             3..7 => {
@@ -234,6 +299,7 @@ fn play(seed: u64) {
 fn check_history(seed: u64, events: &[CommandEvent]) {
     let mut last = HashMap::<&str, (CommandState, Timestamp)>::new();
     let mut done = HashMap::<&str, usize>::new();
+    let mut backing_out = HashSet::<&str>::new();
     for event in events {
         let id = &*event.command.id;
         let before = last.insert(id, (event.state, event.time));
@@ -249,13 +315,22 @@ fn check_history(seed: u64, events: &[CommandEvent]) {
             }
             CommandState::Armed => {
                 if let Some(plan) = &event.command.plan {
-                    let next = done.get(&*plan.plan_id).copied().unwrap_or(0);
-                    assert_eq!(plan.index, next, "seed {seed}: a plan goes in order");
+                    let done = done.get(&*plan.plan_id).copied().unwrap_or(0);
+                    let after = if plan.retreat { 2 - plan.index } else { plan.index };
+                    assert_eq!(after, done, "seed {seed}: a plan goes in order");
+                    let turned = backing_out.contains(&*plan.plan_id);
+                    assert!(plan.retreat || !turned, "seed {seed}: and once back, back only");
                 }
             }
             CommandState::Done => {
                 if let Some(plan) = &event.command.plan {
-                    *done.entry(&plan.plan_id).or_default() += 1;
+                    let done = done.entry(&plan.plan_id).or_default();
+                    if plan.retreat {
+                        *done -= 1;
+                        backing_out.insert(&plan.plan_id);
+                    } else {
+                        *done += 1;
+                    }
                 }
             }
             _ => {}

@@ -158,7 +158,7 @@ fn shift(robot: &Robot, frame: &RoverTelemetry, by: Vector3<f64>) -> Uplink {
     };
     Uplink::Command {
         id: "shift".into(),
-        body: CommandBody::BodyPath { knots: (0..=4).map(knot).collect() },
+        body: CommandBody::BodyPath { knots: (0..=4).map(knot).collect(), drive_hold: false },
         basis_joints_rad: frame.state.joints_rad.clone(),
         basis_tolerance_rad: 0.001,
     }
@@ -220,13 +220,13 @@ fn a_knot_that_lacks_a_joint_is_refused() {
     let (robot, mut adapter) = (athlete(), adapter());
     let said = adapter.advance(after(0.0));
     let uplink = shift(&robot, frames(&said)[0].1, Vector3::x() * 0.05);
-    let Uplink::Command { body: CommandBody::BodyPath { mut knots }, .. } = uplink else {
+    let Uplink::Command { body: CommandBody::BodyPath { mut knots, .. }, .. } = uplink else {
         panic!()
     };
     knots[2].joints_rad.get_mut("leg3").unwrap().pop();
     let command = Uplink::Command {
         id: "short".into(),
-        body: CommandBody::BodyPath { knots },
+        body: CommandBody::BodyPath { knots, drive_hold: false },
         basis_joints_rad: Default::default(),
         basis_tolerance_rad: 0.0,
     };

@@ -189,11 +189,19 @@ pub fn motion(id: &str, duration_s: f64, plan: Option<(&str, usize)>) -> StageCo
             leg: "leg1".into(),
             knots: vec![knot(0.0), knot(duration_s)],
         },
-        plan: plan.map(|(id, index)| PlanCommandRef { plan_id: id.into(), index }),
+        plan: plan.map(|(id, index)| PlanCommandRef { plan_id: id.into(), index, retreat: false }),
+        after: plan.map_or(0, |(_, index)| index),
         duration_s,
         basis_joints_rad: BTreeMap::from([("leg1".into(), vec![0.0; 6])]),
         basis_tolerance_rad: 0.02,
     }
+}
+
+/// The part of a plan's way back that undoes its command `undoes`, of `n`.
+pub fn back(id: &str, plan_id: &str, undoes: usize, n: usize) -> StageCommand {
+    let (plan_id, index) = (plan_id.into(), n - 1 - undoes);
+    let plan = Some(PlanCommandRef { plan_id, index, retreat: true });
+    StageCommand { plan, after: undoes + 1, ..motion(id, 1.0, None) }
 }
 
 /// The UUID with the given number.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use collision::{Scene, Survey, Touch, survey};
+use collision::{BodyCertifier, Certificate, Scene, Survey, Touch, Violation, survey};
 use rover::{Configuration, LegId, Posture};
 
 use super::executed::Executed;
@@ -18,6 +18,45 @@ const ROUNDING: f64 = 1e-7;
 pub trait BodyClear {
     /// Is the executed motion between two knots free? The error says what is in the way, in words.
     fn piece(&mut self, a: &Configuration, b: &Configuration) -> Result<(), String>;
+}
+
+/// Certified: free at every resolution, by [`BodyCertifier`].
+///
+/// Every pair keeps its tolerance, or, where it is nearer than that already, does not come nearer
+/// than at the start (by more than a tenth of its distance there).
+pub struct CertifiedBody<'a> {
+    scene: &'a Scene,
+    standing: Vec<LegId>,
+    certifier: BodyCertifier<'a>,
+}
+
+impl<'a> CertifiedBody<'a> {
+    /// Prepares for shifts from `start` with these legs standing.
+    pub fn new(scene: &'a Scene, start: &Configuration, standing: &[LegId]) -> CertifiedBody<'a> {
+        let certifier = BodyCertifier::new(scene, start, standing);
+        CertifiedBody { scene, standing: standing.to_vec(), certifier }
+    }
+
+    /// What is known of the executed motion between two knots.
+    pub fn certificate(&mut self, a: &Configuration, b: &Configuration) -> Certificate {
+        self.certifier.certify(&Executed::new(self.scene.robot(), a, b, &self.standing))
+    }
+}
+
+impl BodyClear for CertifiedBody<'_> {
+    fn piece(&mut self, a: &Configuration, b: &Configuration) -> Result<(), String> {
+        let blocked = |v: &Violation| Err(near_text(self.scene, v.touch, v.distance, v.required));
+        if a == b {
+            return self.certifier.violation(a).as_ref().map_or(Ok(()), blocked);
+        }
+        match self.certificate(a, b) {
+            Certificate::Free => Ok(()),
+            Certificate::Blocked { violation, .. } => blocked(&violation),
+            Certificate::Open { .. } => {
+                Err("something is too near to what must be kept to be told from a touch".into())
+            }
+        }
+    }
 }
 
 /// Surveys the whole robot at points no farther apart than 0.01 rad: what is thinner than the way
@@ -47,15 +86,14 @@ impl<'a> SampledBody<'a> {
         });
         match blocked {
             None => Ok(()),
-            Some(pair) if pair.distance <= 0.0 => Err(touch_text(self.scene, pair.touch)),
-            Some(pair) => Err(format!(
-                "{}: {:.3} m apart of {:.3} m",
-                touch_text(self.scene, pair.touch),
-                pair.distance,
-                pair.tolerance
-            )),
+            Some(pair) => Err(near_text(self.scene, pair.touch, pair.distance, pair.tolerance)),
         }
     }
+}
+
+fn near_text(scene: &Scene, touch: Touch, distance: f64, required: f64) -> String {
+    let text = touch_text(scene, touch);
+    if distance <= 0.0 { text } else { format!("{text}: {distance:.3} m apart of {required:.3} m") }
 }
 
 fn near(seen: &Survey) -> impl Iterator<Item = &collision::PairDistance> {

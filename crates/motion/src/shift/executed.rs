@@ -3,19 +3,21 @@
 //! Frame `world`, meters, radians.
 
 use nalgebra::{Isometry3, Matrix3, Point3, Translation3, UnitQuaternion, Vector3};
-use rover::{Configuration, LegAngles, LegId, Posture, Robot};
+use rover::{Anchor, BodyMotion, Configuration, LegAngles, LegId, Posture, Robot};
 
 /// Interior points of a piece at which the wheels are looked at.
 const CLOSURE_SAMPLES: usize = 8;
 
 /// The executed motion between two knots: linear in the joints, the chassis where the standing
 /// wheels put it.
-pub(crate) struct Executed<'a> {
+pub struct Executed<'a> {
     robot: &'a Robot,
     a: &'a Configuration,
     b: &'a Configuration,
     /// Ends of each wheel's axle, and the direction of its fork, at both knots.
     wheels: Vec<(LegId, [WheelMark; 2])>,
+    way: Vec<LegAngles>,
+    anchors: Vec<Anchor>,
 }
 
 #[derive(Clone, Copy)]
@@ -34,6 +36,7 @@ impl WheelMark {
 }
 
 impl<'a> Executed<'a> {
+    /// The motion from `a` to `b` on the wheels of `standing`.
     pub fn new(
         robot: &'a Robot,
         a: &'a Configuration,
@@ -42,7 +45,23 @@ impl<'a> Executed<'a> {
     ) -> Executed<'a> {
         let ends = [Posture::new(robot, a), Posture::new(robot, b)];
         let mark = |leg: LegId| (leg, [0, 1].map(|end| WheelMark::new(robot, &ends[end], leg)));
-        Executed { robot, a, b, wheels: standing.iter().map(|leg| mark(*leg)).collect() }
+        let wheels: Vec<(LegId, [WheelMark; 2])> = standing.iter().map(|leg| mark(*leg)).collect();
+        let anchor = |&(leg, [from, to]): &(LegId, [WheelMark; 2])| {
+            let wheel = &robot.leg(leg).wheel;
+            [(0, 0.5), (1, -0.5)].map(|(end, side)| Anchor {
+                leg,
+                in_link: wheel.carrier_from_wheel * Point3::new(0.0, side * wheel.width, 0.0),
+                places: [from.ends[end], to.ends[end]],
+            })
+        };
+        Executed {
+            robot,
+            a,
+            b,
+            way: a.legs.iter().zip(&b.legs).map(|(a, b)| b - a).collect(),
+            anchors: wheels.iter().flat_map(anchor).collect(),
+            wheels,
+        }
     }
 
     /// The configuration at `t` from 0 to 1, and how far the wheels are off their places (m): the
@@ -73,9 +92,24 @@ impl<'a> Executed<'a> {
         (configuration, misses.chain(treads).fold(0.0, f64::max))
     }
 
-    pub fn largest_deviation(&self) -> f64 {
+    /// The largest of the wheels' deviations (m), sampled.
+    pub(crate) fn largest_deviation(&self) -> f64 {
         let n = CLOSURE_SAMPLES;
         (1..n).map(|i| self.at(i as f64 / n as f64).1).fold(0.0, f64::max)
+    }
+}
+
+impl BodyMotion for Executed<'_> {
+    fn at(&self, share: f64) -> Configuration {
+        Executed::at(self, share).0
+    }
+
+    fn way(&self) -> &[LegAngles] {
+        &self.way
+    }
+
+    fn anchors(&self) -> &[Anchor] {
+        &self.anchors
     }
 }
 

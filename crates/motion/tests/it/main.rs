@@ -11,18 +11,30 @@ use terrain::ElevationMap;
 mod planners;
 mod sbl_scenes;
 mod shift;
+
+mod soak;
 mod steps;
 mod synthetic;
 mod timing;
+mod trials;
 
-fn athlete() -> Robot {
-    let folder = "robots/athlete/";
+/// A robot of the fixtures.
+fn robot_of(name: &str) -> Robot {
+    let folder = format!("robots/{name}/");
+    let mesh = |file: &str| {
+        let path = testkit::project_dir().join("fixtures").join(&folder).join(file);
+        std::fs::read(path).ok()
+    };
     Robot::from_folder(
         &testkit::fixture_text(&format!("{folder}robot.toml")),
         |file| Some(testkit::fixture_text(&format!("{folder}{file}"))),
-        |_| None,
+        mesh,
     )
     .unwrap()
+}
+
+fn athlete() -> Robot {
+    robot_of("athlete")
 }
 
 /// The demo mission's rover: 300 kg on the chassis.

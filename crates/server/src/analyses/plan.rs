@@ -153,7 +153,8 @@ fn answer(
     let statistics = &found.statistics;
     let commands = match found.outcome {
         Outcome::Found if !request.transit_only => {
-            commands(robot, leg, &scene.configuration, &found.waypoints)
+            let hold = request.drive_hold;
+            commands(robot, leg, &scene.configuration, &found.waypoints, hold)
         }
         _ => Vec::new(),
     };
@@ -259,6 +260,7 @@ fn commands(
     leg: LegId,
     start: &Configuration,
     waypoints: &[Waypoint],
+    drive_hold: bool,
 ) -> Vec<PlanCommand> {
     let name = &robot.leg(leg).name;
     let parts = [Phase::Shift, Phase::Lift, Phase::Transit, Phase::Drop, Phase::Preload];
@@ -273,7 +275,7 @@ fn commands(
         .map(|(part, knots)| {
             let (start_s, end_s) = (knots[0].time, knots[knots.len() - 1].time);
             let body = match part {
-                Phase::Shift => body_path(robot, start, knots)?,
+                Phase::Shift => body_path(robot, start, knots, drive_hold)?,
                 _ => {
                     let knot = |w: &Waypoint| JointKnot {
                         joints_rad: convert::by_joint(robot.leg(leg), &w.angles),
@@ -299,14 +301,19 @@ fn commands(
 
 /// The shift along these waypoints, which all carry the whole robot but perhaps the first, where it
 /// is as in `start`; `None` if another one does not.
-fn body_path(robot: &Robot, start: &Configuration, waypoints: &[Waypoint]) -> Option<CommandBody> {
+fn body_path(
+    robot: &Robot,
+    start: &Configuration,
+    waypoints: &[Waypoint],
+    drive_hold: bool,
+) -> Option<CommandBody> {
     let start_s = waypoints[0].time;
     let knots = waypoints.iter().enumerate().map(|(i, w)| {
         let stance = w.stance.as_ref().or((i == 0).then_some(start))?;
         let joints_rad = convert::rover_state(robot, stance).joints_rad;
         Some(BodyKnot { joints_rad, time_s: w.time - start_s })
     });
-    Some(CommandBody::BodyPath { knots: knots.collect::<Option<_>>()? })
+    Some(CommandBody::BodyPath { knots: knots.collect::<Option<_>>()?, drive_hold })
 }
 
 /// The way back: what undoes each command, the last one's first, each with its knots and times
@@ -339,12 +346,13 @@ fn mirrored(body: &CommandBody, duration_s: f64) -> CommandBody {
             let knots = knots.iter().rev().map(back).collect();
             CommandBody::JointPath { leg: leg.clone(), knots }
         }
-        CommandBody::BodyPath { knots } => {
+        CommandBody::BodyPath { knots, drive_hold } => {
             let back = |knot: &BodyKnot| BodyKnot {
                 joints_rad: knot.joints_rad.clone(),
                 time_s: mirrored(knot.time_s),
             };
-            CommandBody::BodyPath { knots: knots.iter().rev().map(back).collect() }
+            let knots = knots.iter().rev().map(back).collect();
+            CommandBody::BodyPath { knots, drive_hold: *drive_hold }
         }
         CommandBody::WheelLine { .. } | CommandBody::Stop {} => body.clone(),
     }
@@ -451,7 +459,7 @@ mod tests {
     fn times(body: &CommandBody) -> Vec<f64> {
         match body {
             CommandBody::JointPath { knots, .. } => knots.iter().map(|k| k.time_s).collect(),
-            CommandBody::BodyPath { knots } => knots.iter().map(|k| k.time_s).collect(),
+            CommandBody::BodyPath { knots, .. } => knots.iter().map(|k| k.time_s).collect(),
             _ => Vec::new(),
         }
     }
@@ -460,7 +468,7 @@ mod tests {
     fn a_step_becomes_a_command_for_each_phase_and_the_way_back_mirrors_them() {
         let robot = robot();
         let (start, waypoints) = step(&robot);
-        let commands = commands(&robot, LegId(1), &start, &waypoints);
+        let commands = commands(&robot, LegId(1), &start, &waypoints, false);
         let of = |commands: &[PlanCommand]| -> Vec<(String, Vec<f64>)> {
             commands.iter().map(|c| (c.title.clone(), times(&c.body))).collect()
         };
@@ -472,7 +480,7 @@ mod tests {
             ("Press leg2 down", vec![0.0, 0.5]),
         ];
         assert_eq!(of(&commands), expected.map(|(title, times)| (title.to_owned(), times)));
-        let CommandBody::BodyPath { knots } = &commands[0].body else { panic!("no shift") };
+        let CommandBody::BodyPath { knots, .. } = &commands[0].body else { panic!("no shift") };
         assert_eq!(knots[0].joints_rad, convert::rover_state(&robot, &start).joints_rad);
         assert!(knots.iter().all(|knot| knot.joints_rad.len() == 6));
         // Each begins where the one before ends.
@@ -488,7 +496,7 @@ mod tests {
             ("Shift the body back", vec![0.0, 3.0, 5.0]),
         ];
         assert_eq!(of(&back), expected.map(|(title, times)| (title.to_owned(), times)));
-        let CommandBody::BodyPath { knots: shift } = &back[4].body else { panic!("no shift") };
+        let CommandBody::BodyPath { knots: shift, .. } = &back[4].body else { panic!("no shift") };
         assert_eq!(shift[0].joints_rad, knots[2].joints_rad);
         assert_eq!(shift[2].joints_rad, knots[0].joints_rad);
         // Back and back again is the way itself.
@@ -503,7 +511,7 @@ mod tests {
         let robot = robot();
         let (start, mut waypoints) = step(&robot);
         waypoints[1].stance = None;
-        assert_eq!(commands(&robot, LegId(1), &start, &waypoints), []);
+        assert_eq!(commands(&robot, LegId(1), &start, &waypoints, false), []);
     }
 
     #[test]

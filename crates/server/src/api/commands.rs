@@ -120,7 +120,7 @@ async fn check_basis(app: &AppState, id: &str) -> Result<(), ApiError> {
     }
     let Err(error) = outcome else { return Ok(()) };
     // A later command of a plan waits for the one before it: that is no reason to end it.
-    if error.0.code != "basis_changed" || !is_next(app, &record) {
+    if error.0.code != "basis_changed" || !is_next(app, id) {
         return if error.0.code == "basis_changed" { Ok(()) } else { Err(error) };
     }
     let expired = {
@@ -133,18 +133,9 @@ async fn check_basis(app: &AppState, id: &str) -> Result<(), ApiError> {
     Err(error)
 }
 
-/// True if all commands before this one in its plan are done.
-fn is_next(app: &AppState, record: &CommandRecord) -> bool {
-    let Some(plan) = &record.plan else { return true };
+fn is_next(app: &AppState, id: &str) -> bool {
     let (ground, _) = app.live.locked();
-    let done = |index: usize| {
-        ground.commands().records().any(|other| {
-            let same = other.plan.as_ref();
-            same.is_some_and(|p| p.plan_id == plan.plan_id && p.index == index)
-                && other.state == CommandState::Done
-        })
-    };
-    (0..plan.index).all(done)
+    ground.commands().is_next(id)
 }
 
 /// Arms a staged command: it may be sent for a limited time. Its plan must still hold.

@@ -61,22 +61,27 @@ pub(super) fn config(common: &Common) -> Result<Config, Failure> {
     }
 }
 
-fn context(args: &RequestArgs) -> Result<Context, Failure> {
-    let config = config(&args.common)?;
-    let mut dirs = args.common.robots.clone();
+/// What requests are resolved against; terrain files are relative to `folder`.
+pub(super) fn context_in(common: &Common, folder: PathBuf) -> Result<Context, Failure> {
+    let config = config(common)?;
+    let mut dirs = common.robots.clone();
     if !config.server.robots_dir.as_os_str().is_empty() {
         dirs.push(config.server.robots_dir.clone());
     }
-    let folder = match args.request.parent() {
-        Some(folder) if args.request != Path::new("-") => folder.to_owned(),
-        _ => PathBuf::new(),
-    };
     Ok(Context {
         robots: Arc::new(Robots::new(dirs)),
         terrains: Arc::new(Terrains::new(FileRoot::Relative(folder), None)),
         config: Arc::new(config),
         live: None,
     })
+}
+
+fn context(args: &RequestArgs) -> Result<Context, Failure> {
+    let folder = match args.request.parent() {
+        Some(folder) if args.request != Path::new("-") => folder.to_owned(),
+        _ => PathBuf::new(),
+    };
+    context_in(&args.common, folder)
 }
 
 fn read<T: DeserializeOwned>(path: &Path) -> Result<T, Failure> {

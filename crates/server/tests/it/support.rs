@@ -180,12 +180,23 @@ impl Ground {
         self.get(&path).await.json()
     }
 
+    /// The last frame of the rover.
+    pub async fn frame(&self) -> Value {
+        self.get("/api/v1/rover").await.json()["latest"]["frame"].take()
+    }
+
     /// Plans a step of a leg to a place relative to its contact; gives the plan.
-    pub async fn plan(&self, leg: &str, [dx, dy]: [f64; 2]) -> Value {
-        let rover = self.get("/api/v1/rover").await.json();
-        let contact = &rover["latest"]["frame"]["contact_points_m"][leg];
+    pub async fn plan(&self, leg: &str, by: [f64; 2]) -> Value {
+        self.plan_with(leg, by, json!({})).await
+    }
+
+    /// As [`Ground::plan`] with more fields of the request.
+    pub async fn plan_with(&self, leg: &str, [dx, dy]: [f64; 2], more: Value) -> Value {
+        let frame = self.frame().await;
+        let contact = &frame["contact_points_m"][leg];
         let place = [contact[0].as_f64().unwrap() + dx, contact[1].as_f64().unwrap() + dy, 0.0];
-        let request = json!({ "leg": leg, "target": { "position_m": place } });
+        let mut request = json!({ "leg": leg, "target": { "position_m": place } });
+        request.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
         let report = self.job(&self.post("plans", &request).await).await;
         assert_eq!(report["state"], "done", "{report}");
         self.get(report["result"].as_str().unwrap()).await.json()
@@ -203,8 +214,25 @@ impl Ground {
 
     /// Stages, arms and sends a command of a plan, and waits until it has ended; gives its record.
     pub async fn execute(&self, plan: &str, index: usize) -> Value {
-        let request = json!({ "plan": { "plan_id": plan, "index": index } });
-        let staged = self.post("commands", &request).await;
+        self.execute_of(json!({ "plan_id": plan, "index": index })).await
+    }
+
+    /// As [`Ground::execute`] for a part of the plan's way back.
+    pub async fn execute_back(&self, plan: &str, index: usize) -> Value {
+        self.execute_of(json!({ "plan_id": plan, "index": index, "retreat": true })).await
+    }
+
+    async fn execute_of(&self, plan: Value) -> Value {
+        self.execute_request(&json!({ "plan": plan })).await
+    }
+
+    /// As [`Ground::execute`] for a command by hand.
+    pub async fn execute_body(&self, body: &Value) -> Value {
+        self.execute_request(&json!({ "body": body })).await
+    }
+
+    async fn execute_request(&self, request: &Value) -> Value {
+        let staged = self.post("commands", request).await;
         assert_eq!(staged.status, 201, "{}", staged.json());
         let id = staged.json()["id"].as_str().unwrap().to_owned();
         for act in ["arm", "send"] {

@@ -7,7 +7,9 @@ use nalgebra::{Isometry3, Point2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rover::{Configuration, LegId, Posture};
-use sim::{BODY_KNOTS_MAX, BodyKnot, Mode, Motion, SettleOptions, SimRover, Stage, settle};
+use sim::{
+    BODY_KNOTS_MAX, BodyKnot, Mode, Motion, SettleOptions, SimRover, Stage, WheelHold, settle,
+};
 
 use crate::{
     GRAVITY, command, demo_robot, ground, last_detail, on_plane, path_by, plane, raise, run, scene,
@@ -24,7 +26,7 @@ fn wheels_moved(rover: &SimRover, before: &Configuration) -> f64 {
 }
 
 fn shift(rover: &SimRover, by: Isometry3<f64>, n: usize) -> Motion {
-    Motion::BodyPath { knots: shift_knots(rover, &by, n, 0.0) }
+    Motion::BodyPath { knots: shift_knots(rover, &by, n, 0.0), hold: WheelHold::Brakes }
 }
 
 fn along(x: f64, y: f64, z: f64) -> Isometry3<f64> {
@@ -88,7 +90,7 @@ fn after_a_shift_a_leg_steps_and_the_body_shifts_back_over_five() {
     for knot in &mut knots {
         knot.legs.retain(|(leg, _)| leg != "leg1");
     }
-    rover.command(command("back", Motion::BodyPath { knots }));
+    rover.command(command("back", Motion::BodyPath { knots, hold: WheelHold::Brakes }));
     run(&mut rover, 20.0);
     let events = rover.take_events();
     assert_eq!(stages(&events, "back").last(), Some(&Stage::Completed), "{events:?}");
@@ -100,7 +102,7 @@ fn after_a_shift_a_leg_steps_and_the_body_shifts_back_over_five() {
 
 fn refused(rover: &mut SimRover, knots: Vec<BodyKnot>) -> String {
     let before = rover.frame();
-    rover.command(command("x", Motion::BodyPath { knots }));
+    rover.command(command("x", Motion::BodyPath { knots, hold: WheelHold::Brakes }));
     let events = rover.take_events();
     assert_eq!(stages(&events, "x"), [Stage::Received, Stage::Rejected], "{events:?}");
     assert_eq!(rover.frame(), before);

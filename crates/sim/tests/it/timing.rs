@@ -1,6 +1,6 @@
 //! Times of knots: kept where the joints can, refused where they go back.
 
-use sim::{Mode, Motion, SimRover, Stage, TIME_MAX_S};
+use sim::{Mode, Motion, SimRover, Stage, TIME_MAX_S, WheelHold};
 
 use crate::{command, joint_path, last_detail, on_plane, quickest, raise, shift_knots, stages};
 
@@ -55,7 +55,7 @@ fn a_shift_keeps_its_times_too() {
     let mut rover = on_plane();
     let by = nalgebra::Isometry3::translation(0.03, 0.0, 0.0);
     let knots = shift_knots(&rover, &by, 2, 6.0);
-    let took = took(&mut rover, Motion::BodyPath { knots });
+    let took = took(&mut rover, Motion::BodyPath { knots, hold: WheelHold::Brakes });
     assert!((took - 12.0).abs() < 1e-6, "{took} s");
 }
 
@@ -77,7 +77,7 @@ fn times_that_are_none_are_refused_by_name() {
         for (knot, time_s) in knots.iter_mut().zip(times) {
             knot.time_s = time_s;
         }
-        rover.command(command("y", Motion::BodyPath { knots }));
+        rover.command(command("y", Motion::BodyPath { knots, hold: WheelHold::Brakes }));
         assert_eq!(last_detail(&rover.take_events(), "y"), expected);
         assert_eq!(rover.mode(), Mode::Idle);
     }

@@ -64,7 +64,7 @@ pub struct PlanRequest {
     #[serde(default = "yes")]
     pub preload: bool,
     /// Let the wheel drives hold the standing wheels in place while forks pitch, instead of the
-    /// brakes (a stance of five constraints a wheel).
+    /// brakes (a stance of five constraints a wheel). The shift then asks the rover to hold so.
     #[serde(default)]
     pub drive_hold: bool,
 }

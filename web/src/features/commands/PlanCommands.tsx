@@ -1,10 +1,18 @@
 // The commands of a plan, one for each phase: staged and armed here, sent from the strip below.
 
-import type { CommandRecord, PlanAnswer, PlanCommand } from "../../api/types";
+import type { CommandRecord, PlanAnswer, PlanCommand, PlanCommandRef } from "../../api/types";
 import { commandClock } from "../../lib/commandClock";
 import { readable } from "../../lib/format";
+import { planProgress } from "../../lib/planProgress";
 import { formatSpan } from "../../lib/time";
-import { arm, ofPlan, planKey, stagePlanned, takeBack, useRequests } from "../../store/commands";
+import {
+  arm,
+  commandName,
+  planKey,
+  stagePlanned,
+  takeBack,
+  useRequests,
+} from "../../store/commands";
 import { useLive } from "../../store/console";
 import { useServerNow } from "../../store/now";
 import { useBlocked } from "../../store/permission";
@@ -13,20 +21,19 @@ import "./commands.css";
 
 export function PlanCommands({ plan }: { plan: PlanAnswer }) {
   const commands = useLive((c) => c.commands);
-  const records = ofPlan(commands, plan.id, plan.commands.length);
+  const { forward, done, turned } = planProgress(plan, commands);
   return (
     <section className="section" aria-label="Commands of the plan">
       <ol className="commands">
         {plan.commands.map((command, index) => {
-          const before = records.slice(0, index).every((r) => r?.state === "done");
+          const why = index > done ? "The command before this one is not done" : null;
           return (
-            <Row
+            <CommandRow
               key={index}
-              plan_id={plan.id}
-              index={index}
+              of={{ plan_id: plan.id, index, retreat: false }}
               command={command}
-              record={records[index]}
-              ready={before}
+              record={forward[index]}
+              why={turned ? "The plan is being backed out" : why}
             />
           );
         })}
@@ -36,31 +43,27 @@ export function PlanCommands({ plan }: { plan: PlanAnswer }) {
 }
 
 interface RowProps {
-  plan_id: string;
-  index: number;
+  of: PlanCommandRef;
   command: PlanCommand;
   record: CommandRecord | undefined;
-  /** All commands before this one are done. */
-  ready: boolean;
+  /** Why it cannot be staged now, or null. */
+  why: string | null;
 }
 
-function Row({ plan_id, index, command, record, ready }: RowProps) {
+/** A command of a plan, or a part of its way back. */
+export function CommandRow({ of, command, record, why }: RowProps) {
   const now = useServerNow();
-  const ref = { plan_id, index };
+  const name = commandName(of);
   const failures = useRequests((s) => s.failures);
-  const failure = failures[record?.id ?? ""] ?? failures[planKey(ref)];
+  const failure = failures[record?.id ?? ""] ?? failures[planKey(of)];
   const clock = record && commandClock(record, now);
   return (
-    <li
-      className="command"
-      data-testid={`command-${index}`}
-      data-state={record?.state ?? "planned"}
-    >
+    <li className="command" data-testid={`command-${name}`} data-state={record?.state ?? "planned"}>
       <CommandMark state={record?.state ?? null} />
       <div className="command-text">
         <span>{readable(command.title)}</span>
         <span className="quiet small">
-          <span data-testid={`state-${index}`}>{clock?.word ?? "planned"}</span>
+          <span data-testid={`state-${name}`}>{clock?.word ?? "planned"}</span>
           {clock?.waits ? (
             <span className="command-waits">{clock.waits}</span>
           ) : (
@@ -74,35 +77,35 @@ function Row({ plan_id, index, command, record, ready }: RowProps) {
           </span>
         )}
       </div>
-      <Actions refToPlan={ref} record={record} ready={ready} lapsed={clock?.armed_s === 0} />
+      <Actions of={of} record={record} why={why} lapsed={clock?.armed_s === 0} />
     </li>
   );
 }
 
 interface ActionProps {
-  refToPlan: { plan_id: string; index: number };
+  of: PlanCommandRef;
   record: CommandRecord | undefined;
-  ready: boolean;
+  why: string | null;
   lapsed: boolean;
 }
 
 const AGAIN = new Set(["failed", "aborted", "cancelled", "expired"]);
 
-function Actions({ refToPlan, record, ready, lapsed }: ActionProps) {
+function Actions({ of, record, why: early, lapsed }: ActionProps) {
   const blocked = useBlocked();
   const busy = useRequests((s) => s.busy);
-  const key = planKey(refToPlan);
-  const { index } = refToPlan;
+  const key = planKey(of);
+  const name = commandName(of);
   if (!record || AGAIN.has(record.state)) {
-    const why = blocked ?? (ready ? null : "The command before this one is not done");
+    const why = blocked ?? early;
     return (
       <button
         type="button"
         className={why === null ? "button primary" : "button"}
-        data-testid={`stage-${index}`}
+        data-testid={`stage-${name}`}
         disabled={why !== null || busy[key]}
         title={why ?? "Stage this command"}
-        onClick={() => void stagePlanned(refToPlan)}
+        onClick={() => void stagePlanned(of)}
       >
         Stage
       </button>
@@ -114,7 +117,7 @@ function Actions({ refToPlan, record, ready, lapsed }: ActionProps) {
         <button
           type="button"
           className="button bare"
-          data-testid={`cancel-${index}`}
+          data-testid={`cancel-${name}`}
           onClick={() => void takeBack(record.id)}
         >
           Cancel
@@ -122,7 +125,7 @@ function Actions({ refToPlan, record, ready, lapsed }: ActionProps) {
         <button
           type="button"
           className="button primary"
-          data-testid={`arm-${index}`}
+          data-testid={`arm-${name}`}
           disabled={blocked !== null || busy[record.id]}
           title={blocked ?? "Arm for 30 s; sending is done from the strip below"}
           onClick={() => void arm(record.id)}

@@ -60,8 +60,8 @@ export function PlanPanel() {
       {plan && <PlanView plan={plan} />}
       {!job && !plan && !failure && (
         <p className="section quiet">
-          A plan brings the chosen leg to the picked place: lift, transit, drop, each checked along
-          its whole way.
+          A plan brings the chosen leg to the picked place: a body shift where it is needed, lift,
+          transit, drop and preload, each checked along its whole way.
         </p>
       )}
     </>

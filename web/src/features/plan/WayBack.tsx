@@ -1,37 +1,83 @@
-// The way back from where the step stands: the same path backward. Information only, it is not staged.
+// The way back from where the step stands: the same path backward, staged part by part like the rest.
 
-import { ChevronRight } from "lucide-react";
+import { Undo2 } from "lucide-react";
 
 import type { PlanAnswer } from "../../api/types";
-import { readable } from "../../lib/format";
+import { planProgress } from "../../lib/planProgress";
 import { wayBack } from "../../lib/planWords";
 import { formatSpan } from "../../lib/time";
-import { ofPlan } from "../../store/commands";
+import { planKey, stagePlanned, useRequests } from "../../store/commands";
 import { useLive } from "../../store/console";
+import { useBlocked } from "../../store/permission";
+import { CommandRow } from "../commands/PlanCommands";
 
 export function WayBack({ plan }: { plan: PlanAnswer }) {
   const commands = useLive((c) => c.commands);
-  const records = ofPlan(commands, plan.id, plan.commands.length);
-  const done = records.findLastIndex((r) => r?.state === "done") + 1;
-  const back = wayBack(plan, done);
-  if (done === 0 || done === plan.commands.length || back.length === 0) return null;
-  const whole_s = back.reduce((sum, c) => sum + c.duration_s, 0);
+  const progress = planProgress(plan, commands);
+  const { done, back, turned, underWay } = progress;
+  const begun = back.findIndex((r) => r?.state === "done");
+  const next = plan.commands.length - done;
+  const first = turned && begun >= 0 ? begun : next;
+  const parts = wayBack(plan, plan.commands.length - first);
+  if (parts.length === 0) return null;
+  const whole_s = wayBack(plan, done).reduce((sum, c) => sum + c.duration_s, 0);
   return (
-    <details className="section way-back" data-testid="way-back">
-      <summary className="options-head">
-        <ChevronRight size={14} aria-hidden />
-        Way back
-        <span className="quiet num">{formatSpan(whole_s)}</span>
-      </summary>
-      <p className="quiet small">What would undo the commands that are done; nothing is staged.</p>
-      <ol>
-        {back.map((command, i) => (
-          <li key={i} className="row between">
-            {readable(command.title)}
-            <span className="quiet num">{formatSpan(command.duration_s)}</span>
-          </li>
-        ))}
-      </ol>
-    </details>
+    <section className="section way-back" data-testid="way-back" aria-label="Way back">
+      <div className="row between">
+        <span>
+          Way back <span className="quiet small num">{formatSpan(whole_s)}</span>
+        </span>
+        {!turned && <BackOut plan={plan} index={next} underWay={underWay} />}
+      </div>
+      {turned && (
+        <ol className="commands">
+          {parts.map((command, i) => {
+            const index = first + i;
+            const early = index > next ? "The part before this one is not done" : null;
+            return (
+              <CommandRow
+                key={index}
+                of={{ plan_id: plan.id, index, retreat: true }}
+                command={command}
+                record={back[index]}
+                why={underWay ? UNDER_WAY : early}
+              />
+            );
+          })}
+        </ol>
+      )}
+    </section>
+  );
+}
+
+const UNDER_WAY = "A command of the plan is under way";
+
+/** Stages the part that undoes the last command that is done. */
+function BackOut(props: { plan: PlanAnswer; index: number; underWay: boolean }) {
+  const { plan, index, underWay } = props;
+  const of = { plan_id: plan.id, index, retreat: true };
+  const blocked = useBlocked();
+  const busy = useRequests((s) => s.busy[planKey(of)]);
+  const failure = useRequests((s) => s.failures[planKey(of)]);
+  const why = blocked ?? (underWay ? UNDER_WAY : null);
+  return (
+    <>
+      {failure && (
+        <span className="trouble small" role="alert">
+          {failure}
+        </span>
+      )}
+      <button
+        type="button"
+        className="button"
+        data-testid="back-out"
+        disabled={why !== null || busy}
+        title={why ?? "Stage the way back of the last command; the plan then goes back only"}
+        onClick={() => void stagePlanned(of)}
+      >
+        <Undo2 size={14} aria-hidden />
+        Back out
+      </button>
+    </>
   );
 }

@@ -6,9 +6,10 @@ import { useEffect, useRef } from "react";
 import type { CommandRecord } from "../../api/types";
 import { commandClock, isOpen, isUnderWay } from "../../lib/commandClock";
 import { legLabel, readable } from "../../lib/format";
+import { planProgress } from "../../lib/planProgress";
 import { type Stage, STAGES, type Step, stepOf } from "../../lib/step";
 import { formatSpan } from "../../lib/time";
-import { ofPlan, sendArmed, takeBack, useRequests } from "../../store/commands";
+import { commandName, sendArmed, takeBack, useRequests } from "../../store/commands";
 import { useLive } from "../../store/console";
 import { useServerNow } from "../../store/now";
 import { useBlocked } from "../../store/permission";
@@ -25,14 +26,14 @@ function useStep(): { step: Step; armed: CommandRecord | null; now: number } {
   const job = usePlan((s) => s.job);
   const plan = usePlan((s) => s.plan);
   const all = useLive((c) => c.commands);
-  const commands = plan ? ofPlan(all, plan.id, plan.commands.length) : [];
+  const progress = plan && planProgress(plan, all);
   const byHand =
     all.findLast(
       (c) => !c.plan && c.state !== "overdue" && (isOpen(c.state) || isUnderWay(c.state)),
     ) ?? null;
   const armed =
     all.findLast((c) => c.state === "armed" && commandClock(c, now).armed_s !== 0) ?? null;
-  return { step: stepOf({ leg, picked, job, plan, commands, byHand, now_ms: now }), armed, now };
+  return { step: stepOf({ leg, picked, job, plan, progress, byHand, now_ms: now }), armed, now };
 }
 
 export function StepStrip() {
@@ -98,8 +99,15 @@ function WayToAct({ stage }: { stage: Stage }) {
 const VERBS: Record<string, string> = { put: "drop", press: "preload" };
 
 /** `Lift leg 2` → `Send lift to leg 2`. */
-export function sendVerb({ body, title }: Pick<CommandRecord, "body" | "title">): string {
+export function sendVerb({
+  body,
+  title,
+  plan,
+}: Pick<CommandRecord, "body" | "title" | "plan">): string {
   if (body.type === "stop") return "Send stop";
+  if (plan?.retreat) {
+    return "leg" in body ? `Send way back to ${legLabel(body.leg)}` : "Send body shift back";
+  }
   const word = title.split(" ")[0]?.toLowerCase() ?? "command";
   if (word === "shift" || !("leg" in body)) return "Send body shift";
   return `Send ${VERBS[word] ?? word} to ${legLabel(body.leg)}`;
@@ -137,7 +145,7 @@ function SendArmed({ command, now }: { command: CommandRecord; now: number }) {
       <button
         type="button"
         className="button primary send"
-        data-testid={command.plan ? `send-${command.plan.index}` : "send-hand"}
+        data-testid={`send-${command.plan ? commandName(command.plan) : "hand"}`}
         disabled={blocked !== null || busy}
         title={blocked ?? undefined}
         onClick={() => void sendArmed(command.id)}
