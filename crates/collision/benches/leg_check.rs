@@ -12,7 +12,7 @@ use std::sync::Arc;
 use collision::{Allowance, Body, Certifier, LegChecker, Obstacle, Scene};
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::{Isometry3, Point2, UnitQuaternion, Vector3};
-use parry3d_f64::bounding_volume::BoundingVolume;
+use parry3d_f64::bounding_volume::{Aabb, BoundingVolume};
 use parry3d_f64::math::Pose;
 use parry3d_f64::query::{ClosestPoints, closest_points};
 use parry3d_f64::shape::{Capsule, Cuboid, Cylinder, Shape as ParryShape, TriMesh};
@@ -71,9 +71,21 @@ struct Plain<'a> {
     leg: LegId,
     posture: Posture,
     moving: Vec<MeshPart>,
-    fixed: Vec<(MeshPart, Pose)>,
-    ground: TriMesh,
-    boulder: (Pose, TriMesh),
+    fixed: Vec<(MeshPart, Placed)>,
+    ground: (TriMesh, Placed),
+    boulder: (TriMesh, Placed),
+}
+
+/// Where a mesh is, and the box around it.
+struct Placed {
+    pose: Pose,
+    aabb: Aabb,
+}
+
+impl Placed {
+    fn new(mesh: &TriMesh, pose: Pose) -> Placed {
+        Placed { pose, aabb: mesh.compute_aabb(&pose) }
+    }
 }
 
 struct MeshPart {
@@ -101,7 +113,8 @@ impl<'a> Plain<'a> {
                 if matches!(body, Body::Leg { leg: of, .. } if of == leg) {
                     moving.push(part);
                 } else {
-                    let at = Pose::from(posture.link(link_id) * link_from_part);
+                    let pose = Pose::from(posture.link(link_id) * link_from_part);
+                    let at = Placed::new(&part.mesh, pose);
                     fixed.push((part, at));
                 }
             }
@@ -109,29 +122,33 @@ impl<'a> Plain<'a> {
         moving.reverse(); // the wheel meets things first
         let (points, triangles) = Cuboid::new(half.into()).to_trimesh();
         let boulder = TriMesh::new(points, triangles).expect("a box has a mesh");
+        let ground = ground_of(map);
+        let placed = |mesh: TriMesh, pose| {
+            let at = Placed::new(&mesh, pose);
+            (mesh, at)
+        };
         Plain {
             robot,
             leg,
             posture: posture.clone(),
             moving,
             fixed,
-            ground: ground_of(map),
-            boulder: (Pose::from(world_from_box), boulder),
+            ground: placed(ground, Pose::IDENTITY),
+            boulder: placed(boulder, Pose::from(world_from_box)),
         }
     }
 
     fn is_free(&mut self, angles: &LegAngles) -> bool {
         self.posture.move_leg(self.robot, self.leg, angles);
-        let at: Vec<Pose> = self
-            .moving
-            .iter()
-            .map(|m| Pose::from(self.posture.link(m.link) * m.link_from_part))
-            .collect();
+        let place = |m: &MeshPart| {
+            Placed::new(&m.mesh, Pose::from(self.posture.link(m.link) * m.link_from_part))
+        };
+        let at: Vec<Placed> = self.moving.iter().map(place).collect();
         let environment = self.robot.tolerances().environment;
-        let still = Pose::IDENTITY;
         !self.moving.iter().enumerate().any(|(i, part)| {
-            let surroundings = [(&self.ground, &still), (&self.boulder.1, &self.boulder.0)];
-            surroundings.iter().any(|(mesh, pose)| nearer(part, &at[i], mesh, pose, environment))
+            [&self.ground, &self.boulder]
+                .iter()
+                .any(|(mesh, pose)| nearer(part, &at[i], mesh, pose, environment))
                 || self.near_links(part, &at[i], self.fixed.iter().map(|(f, pose)| (f, pose)))
                 || self.near_links(part, &at[i], self.moving.iter().zip(&at).skip(i + 1))
         })
@@ -140,8 +157,8 @@ impl<'a> Plain<'a> {
     fn near_links<'p>(
         &self,
         part: &MeshPart,
-        at: &Pose,
-        mut others: impl Iterator<Item = (&'p MeshPart, &'p Pose)>,
+        at: &Placed,
+        mut others: impl Iterator<Item = (&'p MeshPart, &'p Placed)>,
     ) -> bool {
         others.any(|(other, pose)| {
             self.tolerance(part.body, other.body)
@@ -177,11 +194,10 @@ impl<'a> Plain<'a> {
 }
 
 /// Is a part nearer to a mesh than `required` (m)?
-fn nearer(part: &MeshPart, at: &Pose, mesh: &TriMesh, pose: &Pose, required: f64) -> bool {
-    let boxed = part.mesh.compute_aabb(at).loosened(required);
-    boxed.intersects(&mesh.compute_aabb(pose))
+fn nearer(part: &MeshPart, at: &Placed, mesh: &TriMesh, other: &Placed, required: f64) -> bool {
+    at.aabb.loosened(required).intersects(&other.aabb)
         && !matches!(
-            closest_points(at, &part.mesh, pose, mesh, required),
+            closest_points(&at.pose, &part.mesh, &other.pose, mesh, required),
             Ok(ClosestPoints::Disjoint)
         )
 }

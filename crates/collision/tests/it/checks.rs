@@ -176,6 +176,21 @@ fn a_lift_from_a_footfall_in_raised_ground_is_certified_across_the_zones_top() {
 }
 
 #[test]
+fn a_wheel_that_lacks_a_hair_of_its_clearance_is_too_near() {
+    let scene = on_plane();
+    let robot = scene.robot();
+    let required = robot.tolerances().environment;
+    for (height, free) in [(-4e-5, false), (-1e-5, false), (-1e-6, false), (1e-6, true)] {
+        let mut configuration = standing(robot, "bent");
+        configuration.world_from_base.translation.z += required + height;
+        let posture = Posture::new(robot, &configuration);
+        let checker = LegChecker::new(&scene, &posture, LegId(0), None, None);
+        let found = checker.violation(&posture, None);
+        assert_eq!(found.is_none(), free, "{height} m: {found:?}");
+    }
+}
+
+#[test]
 fn clearance_above_level_ground_is_the_height_of_the_wheel() {
     let scene = on_plane();
     let robot = scene.robot();

@@ -301,8 +301,9 @@ impl<'w> Oracle<'w> {
     /// Least spare over the joint-linear motion from `a` to `b` looked at every 0.0005 rad, and where
     /// it is (share of the way).
     ///
-    /// Steps on which nothing can come nearer than what has been found, by how far the leg can get
-    /// meanwhile, are passed over; not so where the rules change on the way.
+    /// It ends where something surely touches. Steps on which nothing can come nearer than what has
+    /// been found, by how far the leg can get meanwhile, are passed over; not so where the rules
+    /// change on the way.
     pub fn least_on_the_way(
         &self,
         a: &LegAngles,
@@ -325,6 +326,9 @@ impl<'w> Oracle<'w> {
             unknown = unknown.max(found.unknown);
             if least.is_none_or(|(_, l)| found.spare < l.spare) {
                 least = Some((share, found));
+            }
+            if found.spare < -PARRYS {
+                break; // it touches, no matter how deep
             }
             let to_beat = least.map_or(0.0, |(_, l)| l.spare);
             let free = ((found.spare - to_beat) / step).floor();
@@ -435,10 +439,13 @@ fn signed_distance_of(
     match closest_points(&pose, *shape, &other_pose, *other, limit.max(0.0)) {
         Ok(ClosestPoints::Disjoint) => limit,
         Ok(ClosestPoints::WithinMargin(p, q)) => (q - p).length().min(limit),
-        Ok(ClosestPoints::Intersecting) => match contact(&pose, *shape, &other_pose, *other, 0.0) {
-            Ok(Some(contact)) => contact.dist.min(0.0),
-            _ => 0.0,
-        },
+        Ok(ClosestPoints::Intersecting) => {
+            // parry's depth fails now and then in one order of the two, seldom in both.
+            let depth = contact(&pose, *shape, &other_pose, *other, 0.0);
+            let depth = depth.ok().flatten();
+            let other_way = || contact(&other_pose, *other, &pose, *shape, 0.0).ok().flatten();
+            depth.or_else(other_way).map_or(0.0, |contact| contact.dist.min(0.0))
+        }
         Err(_) => panic!("parry knows these shapes"),
     }
 }
