@@ -119,7 +119,7 @@ impl Source {
         let low = wheel.lowest_point(&nalgebra::Vector3::z_axis());
         let terrain = self.pick(&[
             json!({ "plane": {} }),
-            json!({ "plane": { "slope_rad": 0.1 } }),
+            json!({ "plane": {}, "friction": 0.4 }),
             json!({ "recipe": { "name": "boulder_field", "width_m": 8.0 }, "seed": 3 }),
             json!({}),
         ]);
