@@ -202,9 +202,9 @@ impl<'a> Planning<'a> {
         };
         let buffers = &self.request.buffers;
         Keep {
-            environment: self.request.environment_tolerance,
-            pairs: self.request.pair_tolerance,
-            // A buffer never takes a clearance away.
+            // Below zero, or no number, counts as none: nothing takes a clearance away.
+            environment: self.request.environment_tolerance.map(|kept| kept.max(0.0)),
+            pairs: self.request.pair_tolerance.map(|kept| kept.max(0.0)),
             inflation: buffers.inflation.max(0.0),
             obstacle_buffer: buffers.obstacle.max(0.0),
             terrain_lift: buffers.terrain_lift.max(0.0),

@@ -49,10 +49,14 @@ const PLANNERS: [(&str, Planner); 5] = [
 ];
 
 /// Ways to call a path free, whose paths are looked at again afterward.
-const CLAIMS: [(&str, Method); 4] = [
+const CLAIMS: [(&str, Method); 5] = [
     (
         "SBL as published, no tolerances",
         Method { planner: Planner::Sbl, edges: Edges::Published, tolerances: false },
+    ),
+    (
+        "SBL as published but smoothed to the end, no tolerances",
+        Method { planner: Planner::Sbl, edges: Edges::SampledTaut, tolerances: false },
     ),
     (
         "SBL as published, the robot's tolerances",
@@ -157,6 +161,13 @@ impl<'a> Summary<'a> {
 impl Comparison {
     fn of_kind(&self, kind: Option<Kind>) -> impl Iterator<Item = &SceneRuns> {
         self.scenes.iter().filter(move |scene| kind.is_none_or(|kind| scene.kind == kind))
+    }
+
+    /// One planner over the scenes with something in the way.
+    fn summary_among_rocks(&self, planner: usize) -> Summary<'_> {
+        let rocky = |scene: &&SceneRuns| !matches!(scene.kind, Kind::Open | Kind::Inward);
+        let scenes = self.scenes.iter().filter(rocky);
+        Summary { runs: scenes.map(|s| (&s.runs[planner], s.best)).collect() }
     }
 
     /// One planner over the scenes of a kind, or of all.

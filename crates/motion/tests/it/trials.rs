@@ -38,6 +38,20 @@ fn buffers_below_zero_count_as_none() {
 }
 
 #[test]
+fn tolerances_below_zero_count_as_zero() {
+    let trial = draw(&loaded(), MOON, Kind::Rock, 1).unwrap();
+    let plan = |kept: f64| {
+        let mut request = trial.request(Planner::Auto);
+        (request.environment_tolerance, request.pair_tolerance) = (Some(kept), Some(kept));
+        plan_step(&trial.scene, &trial.start, MOON, &request, &mut Unwatched)
+    };
+    let zero = plan(0.0);
+    for kept in [-0.5, f64::NEG_INFINITY, f64::NAN] {
+        assert_eq!(plan(kept), zero, "{kept}");
+    }
+}
+
+#[test]
 fn robots_with_short_and_sliding_legs_step_too() {
     for name in ["hexapod", "quadruped", "slider"] {
         let robot = Arc::new(robot_of(name));

@@ -26,6 +26,8 @@ pub enum Edges {
     Certified,
     /// At points 0.01 rad apart; smoothing ends when a round wins less than 25 % (F67, F78).
     Published,
+    /// The same, smoothed on until a round wins next to nothing.
+    SampledTaut,
 }
 
 /// What came out.
@@ -80,11 +82,16 @@ impl Method {
             request.environment_tolerance = Some(0.0);
             request.pair_tolerance = Some(0.0);
         }
-        if let Edges::Published = self.edges {
+        let published = match self.edges {
+            Edges::Certified => None,
+            Edges::Published => Some((0.25, 100)),
+            Edges::SampledTaut => Some((0.001, 12)),
+        };
+        if let Some((stop_reduction, max_rounds)) = published {
             request.edges = EdgeRule::Sampled(0.01);
             request.smooth = SmoothOptions {
-                stop_reduction: 0.25,
-                max_rounds: 100,
+                stop_reduction,
+                max_rounds,
                 max_edges: 100_000,
                 max_checked: u64::MAX,
                 max_taut_rounds: 0,

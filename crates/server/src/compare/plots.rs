@@ -83,14 +83,14 @@ pub fn plots(comparison: &Comparison) -> Vec<Plot> {
         plot(
             "time",
             "Whole request (ms): median, and line to the 95th percentile",
-            Axis::Log(0.1, 1e4),
+            Axis::Log(0.1, 1e3),
             false,
             &|s| spread(s.whole_ms()),
         ),
         plot(
             "length",
             "Length over the best found: median, and line to the 95th percentile",
-            Axis::Linear(1.0, 2.0),
+            Axis::Linear(1.0, 3.0),
             false,
             &|s| spread(s.over_best()),
         ),

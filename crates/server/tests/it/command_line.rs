@@ -123,3 +123,24 @@ fn a_log_is_described_and_its_damage_told() {
     let error: Value = serde_json::from_str(&run.output).unwrap();
     assert_eq!(error["error"]["code"], "log_damaged");
 }
+
+#[test]
+fn planners_are_compared_and_the_document_has_its_plots() {
+    let dir = TempDir::new();
+    let out = dir.path().join("figures.md");
+    let arguments = ["compare", "--scenes", "1", "--quality-seconds", "0", "--date", "2026-01-02"];
+    let run = footfall(&[&arguments[..], &["--out", out.to_str().unwrap()]].concat(), "");
+    assert_eq!(run.status, 0, "{}", run.errors);
+    let text = std::fs::read_to_string(&out).unwrap();
+    assert!(text.contains("on 2026-01-02"), "{text}");
+    for planner in ["line", "astar", "sbl", "rrt_connect", "auto"] {
+        // One table of all scenes, and one of each kind.
+        assert_eq!(text.matches(&format!("\n| `{planner}` |")).count(), 6, "{text}");
+    }
+    for name in ["success", "time", "length", "clearance"] {
+        let link = format!("images/compare-{name}.svg");
+        assert!(text.contains(&link), "{link}");
+        let plot = std::fs::read_to_string(dir.path().join(&link)).unwrap();
+        assert!(plot.starts_with("<svg") && plot.ends_with("</svg>\n"), "{name}");
+    }
+}

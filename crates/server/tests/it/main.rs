@@ -10,5 +10,6 @@ mod documents;
 mod job;
 mod real_terrain;
 mod routes;
+mod soak;
 mod stream;
 mod support;
