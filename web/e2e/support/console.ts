@@ -75,6 +75,16 @@ export class Console {
     return figures.map(Number) as Vec3;
   }
 
+  /** Chooses a leg and picks the ground beside its wheel. */
+  async pickBeside(leg: string, dx: number, dy: number): Promise<Vec3> {
+    await this.page.keyboard.press(leg.slice(-1));
+    await expect(this.at(`leg-${leg}`)).toHaveAttribute("aria-pressed", "true");
+    const place = await this.groundBeside(leg, dx, dy);
+    await this.clickGround(place);
+    await expect(this.at("pick")).toContainText("Pick");
+    return place;
+  }
+
   /** Presses Enter and waits for the plan that comes of it. */
   async planWithEnter(): Promise<PlanAnswer> {
     const answer = this.page.waitForResponse(/\/api\/v1\/plans\/[^/]+$/);
@@ -85,13 +95,23 @@ export class Console {
 
   /** Stages, arms and sends one command of the plan, and waits until the rover has done it. */
   async execute(index: number): Promise<void> {
-    const row = this.at(`command-${index}`);
     await this.at(`stage-${index}`).click();
+    await this.release(`${index}`);
+    await this.expectDone(`${index}`);
+  }
+
+  /** Arms and sends what is staged, a command of the plan or, as `back-2`, of its way back. */
+  async release(name: string): Promise<void> {
+    const row = this.at(`command-${name}`);
     await expect(row).toHaveAttribute("data-state", "staged");
-    await this.at(`arm-${index}`).click();
+    await this.at(`arm-${name}`).click();
     await expect(row).toHaveAttribute("data-state", "armed");
-    await this.at(`send-${index}`).click();
+    await this.at(`send-${name}`).click();
     await expect(row).toHaveAttribute("data-state", "executing");
+  }
+
+  async expectDone(name: string): Promise<void> {
+    const row = this.at(`command-${name}`);
     await expect(row).toHaveAttribute("data-state", "done", { timeout: 60_000 });
   }
 

@@ -34,6 +34,7 @@ function record(state: CommandState, index = 0, retreat = false): CommandRecord 
 const plan = {
   id: "p",
   outcome: "found",
+  waypoints: [],
   reason: null,
   leg: "leg2",
   findings: [{ check: "margin", ok: true, margin: 0.2 }],

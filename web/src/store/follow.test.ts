@@ -13,10 +13,13 @@ const before = useConsole.getState();
 const asked: PlanRequest[] = [];
 let fails: ApiError | null = null;
 let stop = () => {};
+let round = 0;
 
 /** A rover that stands still on a map, and a server that answers after 40 ms. */
 beforeEach(() => {
   vi.useFakeTimers();
+  // Each test begins later than the one before has ended, as the module under test goes on.
+  vi.advanceTimersByTime(10_000 * ++round);
   asked.length = 0;
   fails = null;
   vi.spyOn(api, "planAtOnce").mockImplementation(async (request) => {
@@ -128,7 +131,8 @@ it("asks a busy server again after a while, and tells of other failures", async 
 });
 
 function plan(outcome: string): PlanAnswer {
-  return { id: "p", leg: "leg2", outcome, commands: [{}], waypoints: [] } as unknown as PlanAnswer;
+  const parts = { commands: [{}], retreat: [{}], waypoints: [] };
+  return { id: "p", leg: "leg2", outcome, ...parts } as unknown as PlanAnswer;
 }
 
 function replay(): void {

@@ -6,6 +6,8 @@ import type { PlanRequest, Vec3 } from "../api/types";
 
 export interface PlanOptions {
   planner: NonNullable<PlanRequest["planner"]>;
+  /** Which loss of support must be survived while the leg is up. */
+  stability: "regular" | "conservative";
   /** Height of the waypoints above start and goal (m); null is the server's own. */
   lift_m: number | null;
   /** The ground is raised by this much for the transit (m). */
@@ -20,6 +22,7 @@ export interface PlanOptions {
 
 export const DEFAULT_OPTIONS: PlanOptions = {
   planner: "auto",
+  stability: "regular",
   lift_m: null,
   terrain_lift_m: null,
   obstacle_m: null,

@@ -27,6 +27,7 @@ const PLANNERS: [Options["planner"], string, string][] = [
 
 const NAMES: Record<keyof Options, string> = {
   planner: "planner",
+  stability: "conservative",
   lift_m: "lift",
   terrain_lift_m: "terrain",
   obstacle_m: "obstacles",
@@ -91,6 +92,12 @@ function Fields({ options, anyChosen }: { options: Options; anyChosen: boolean }
         Terrain raised and clearance added about obstacles; neither holds under standing wheels,
         start and goal.
       </p>
+      <Check
+        label="Survive the slip of any one leg"
+        testId="option-conservative"
+        on={options.stability === "conservative"}
+        set={(on) => set({ stability: on ? "conservative" : "regular" })}
+      />
       <Check
         label="Shift the body where needed"
         testId="option-shift"
