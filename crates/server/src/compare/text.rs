@@ -7,7 +7,7 @@ use motion::trial::Kind;
 
 use super::measure::{REACH, Run};
 use super::plots::Plot;
-use super::{CLAIMS, Comparison, PLANNERS, Place, Spread, Summary};
+use super::{CLAIMS, Comparison, PLANNERS, Place, Spread};
 
 /// Figures of the peers on the same robot model: name, first path (ms), whole with smoothing (ms),
 /// length over the straight line.
