@@ -241,55 +241,60 @@ struct Moment<'m> {
 }
 
 impl Moment<'_> {
-    fn here(&mut self, index: u16) -> Here {
+    fn place(&mut self, index: u16) {
         let index = usize::from(index);
         let (moved, sway) = (&self.parts[index], self.sway);
-        *self.here[index].get_or_insert_with(|| {
+        self.here[index].get_or_insert_with(|| {
             let placed = moved.placed(sway);
             let [a, b] = placed.ends();
             let ends = [&a, &b];
+            let from_base = |body| sway.bound_since(0, body, ends, placed.radius);
             Here {
                 placed,
                 in_world: sway.bound(moved.body, ends, placed.radius),
-                from_base: moved
-                    .body
-                    .map_or(0.0, |body| sway.bound_since(0, body, ends, placed.radius)),
+                from_base: moved.body.map_or(0.0, from_base),
             }
-        })
+        });
     }
 
-    /// How far the two of an item can get toward each other (m).
-    fn motion(&mut self, item: &Item) -> f64 {
-        let a = self.here(item.part);
-        let Against::Part(other) = item.against else { return a.in_world };
-        let b = self.here(other);
-        let bodies = [item.part, other].map(|i| self.parts[usize::from(i)].body);
-        if let [Some((leg, p)), Some((other, q))] = bodies
-            && leg == other
-        {
-            // Seen from the inner one only the joints up to the outer one move it.
-            let (inner, outer, here) = if p <= q { (p, q, b) } else { (q, p, a) };
-            let [x, y] = here.placed.ends();
-            return self.sway.bound_since(inner + 1, (leg, outer), [&x, &y], here.placed.radius);
-        }
-        (a.in_world + b.in_world).min(a.from_base + b.from_base)
+    fn at(&self, index: u16) -> (&Moved<'_>, &Here) {
+        let index = usize::from(index);
+        (&self.parts[index], self.here[index].as_ref().expect("looked at where it is placed"))
     }
 
     fn look(&mut self, item: &Item) -> Look {
+        self.place(item.part);
+        if let Against::Part(other) = item.against {
+            self.place(other);
+        }
+        let (moved, here) = self.at(item.part);
         let motion = self.motion(item);
         let fine = motion < FINE * self.scene.robot().scale();
         let ask = Ask { required: item.required, motion, fine };
-        let placed = self.here(item.part).placed;
-        let moved = &self.parts[usize::from(item.part)];
         match item.against {
-            Against::Ground => self.look_at_ground(moved, &placed, ask),
-            Against::Solid(k) => look_at_solids(self.scene, moved.part, &placed, &[k], ask),
+            Against::Ground => self.look_at_ground(moved, &here.placed, ask),
+            Against::Solid(k) => look_at_solids(self.scene, moved.part, &here.placed, &[k], ask),
             Against::Part(other) => {
-                let at_other = self.here(other).placed;
-                let other = &self.parts[usize::from(other)];
-                look_at_pair([moved.part, other.part], [&placed, &at_other], ask)
+                let (other, there) = self.at(other);
+                look_at_pair([moved.part, other.part], [&here.placed, &there.placed], ask)
             }
         }
+    }
+
+    /// How far the two of an item that has been looked at can get toward each other (m).
+    fn motion(&self, item: &Item) -> f64 {
+        let (moved, a) = self.at(item.part);
+        let Against::Part(other) = item.against else { return a.in_world };
+        let (other, b) = self.at(other);
+        if let (Some((leg, p)), Some((other_leg, q))) = (moved.body, other.body)
+            && leg == other_leg
+        {
+            // Seen from the inner one only the joints up to the outer one move it.
+            let (inner, outer, placed) = if p <= q { (p, q, &b.placed) } else { (q, p, &a.placed) };
+            let [x, y] = placed.ends();
+            return self.sway.bound_since(inner + 1, (leg, outer), [&x, &y], placed.radius);
+        }
+        (a.in_world + b.in_world).min(a.from_base + b.from_base)
     }
 
     fn look_at_ground(&self, moved: &Moved, placed: &Placed, ask: Ask) -> Look {

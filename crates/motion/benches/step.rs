@@ -1,6 +1,6 @@
 //! Steps: around a rock on level ground, and over seeded scenes of all kinds.
 //!
-//! Baselines: in `step` the final check of a step of two centimeters, which is part of every step;
+//! Baselines: for shifts of the body the exact survey every 0.01 rad; in `step` the final check of a step of two centimeters, which is part of every step;
 //! over the seeded scenes SBL as published, whose edges are looked at every 0.01 rad and whose
 //! smoothing ends when a round wins less than 25 % (F67, F78). One run takes all scenes, so that no
 //! single one decides; a rate is steps a second.
@@ -12,7 +12,10 @@ use collision::{Obstacle, Scene};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use motion::smooth::SmoothOptions;
 use motion::trial::{Kind, Trial, draw};
-use motion::{EdgeRule, Planner, Stage, StepRequest, Target, Unwatched, Watch, plan_step};
+use motion::{
+    BodyClear, CertifiedBody, EdgeRule, Planner, SampledBody, Stage, StepRequest, Target,
+    Unwatched, Watch, plan_step,
+};
 use nalgebra::{Isometry3, Point3, Vector3};
 use rover::{LegId, Payload, Posture, Robot};
 use terrain::ElevationMap;
@@ -139,5 +142,50 @@ fn around_a_rock(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(step, around_a_rock, over_seeded_scenes);
+/// A level shift of 0.15 m in eight pieces beside a rock, whether it is free; and one configuration.
+fn shift_of_the_body(c: &mut Criterion) {
+    let robot = Arc::new(athlete());
+    let mut start = robot.pose("bent").expect("the fixture has the pose");
+    let low = Posture::new(&robot, &start).wheel(&robot, LegId(0)).lowest_point(&Vector3::z_axis());
+    start.world_from_base.translation.z = -low.z;
+    let rock = Obstacle::Box {
+        world_from_box: Isometry3::translation(0.0, 1.75, 0.6),
+        half_extents: Vector3::new(0.3, 0.1, 0.6),
+    };
+    let map = ElevationMap::plane(20.0, 0.25).expect("a plane is a map");
+    let scene = Scene::new(robot.clone(), map, &[rock]).expect("a box is a good obstacle");
+    let legs: Vec<LegId> = robot.leg_ids().collect();
+    let planted = Posture::new(&robot, &start);
+    let knot = |i: u32| {
+        let mut knot = start.clone();
+        knot.world_from_base.translation.y += 0.15 * f64::from(i) / 8.0;
+        let there = Posture::new(&robot, &knot);
+        for leg in &legs {
+            let wheel = planted.wheel(&robot, *leg).world_from_wheel;
+            let all = there.inverse_kinematics(&robot, *leg, &wheel).expect("the legs reach");
+            let change = |q: &rover::LegAngles| (q - start.legs[leg.0]).amax();
+            let nearest =
+                all.iter().map(|s| s.angles).min_by(|a, b| change(a).total_cmp(&change(b)));
+            knot.legs[leg.0] = nearest.expect("there is a branch");
+        }
+        knot
+    };
+    let knots: Vec<_> = (0..=8).map(knot).collect();
+    let mut group = c.benchmark_group("shift of the body");
+    let mut certified = CertifiedBody::new(&scene, &start, &legs);
+    let mut sampled = SampledBody::new(&scene, &start, &legs);
+    let bodies: [(&str, &mut dyn BodyClear); 2] =
+        [("certified", &mut certified), ("sampled at 0.01 rad (baseline)", &mut sampled)];
+    for (name, body) in bodies {
+        group.bench_function(format!("0.15 m beside a rock, {name}"), |b| {
+            b.iter(|| knots.windows(2).try_for_each(|w| body.piece(&w[0], &w[1])).expect("free"));
+        });
+        group.bench_function(format!("one configuration, {name}"), |b| {
+            b.iter(|| body.piece(&knots[4], &knots[4]).expect("free"));
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(step, around_a_rock, shift_of_the_body, over_seeded_scenes);
 criterion_main!(step);

@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 use rover::{Configuration, LegId, Payload, Posture, Robot};
 use terrain::ElevationMap;
 
+mod body_shift;
 mod planners;
 mod sbl_scenes;
 mod shift;
@@ -20,13 +21,18 @@ mod trials;
 
 /// A robot of the fixtures.
 fn robot_of(name: &str) -> Robot {
+    robot_with(name, |text| text)
+}
+
+/// The same with another `robot.toml`.
+fn robot_with(name: &str, changed: impl Fn(String) -> String) -> Robot {
     let folder = format!("robots/{name}/");
     let mesh = |file: &str| {
         let path = testkit::project_dir().join("fixtures").join(&folder).join(file);
         std::fs::read(path).ok()
     };
     Robot::from_folder(
-        &testkit::fixture_text(&format!("{folder}robot.toml")),
+        &changed(testkit::fixture_text(&format!("{folder}robot.toml"))),
         |file| Some(testkit::fixture_text(&format!("{folder}{file}"))),
         mesh,
     )
