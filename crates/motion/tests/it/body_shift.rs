@@ -200,7 +200,7 @@ fn any_motion(
         let Some(knots) = shift(robot, start, offset, turn) else { continue };
         let i = rng.random_range(0..PIECES);
         let (a, mut b) = (knots[i].clone(), knots[rng.random_range(i + 1..=PIECES)].clone());
-        if index % 3 == 0 {
+        if index.is_multiple_of(3) {
             let most = rng.random_range(0.0..0.1);
             for angles in &mut b.legs {
                 *angles += LegAngles::from_fn(|_, _| rng.random_range(-most..most));
