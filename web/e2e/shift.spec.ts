@@ -4,8 +4,7 @@ import type { RoverAnswer, Vec3 } from "../src/api/types";
 import { distance, expect, test } from "./support/console";
 import type { GroundServer } from "./support/server";
 
-// The click meets leg 4 instead of the ground beside leg 3; the server's own test executes such a step.
-test.fixme("a conservative step shifts the body first and is executed to its end", async ({
+test("a conservative step shifts the body first and is executed to its end", async ({
   ops,
   page,
   server,
