@@ -7,15 +7,12 @@
 use nalgebra::{Point2, Point3};
 use rover::{Frame, JointKind, LegAngles, LegChain, LegFrames, LegId, LinkId, Posture, place_of};
 
-use crate::form::{Core, Placed, apart};
-use crate::ground::{GroundNear, Kernel, highest_known, near_ground};
-use crate::look::{
-    Ask, Look, TOUCHING, better, look_at_ground, look_at_pair, look_at_solids, near_solid,
-    violation,
-};
+use crate::form::{Core, Placed};
+use crate::ground::highest_known;
+use crate::look::{Ask, Look, better, look_at_ground, look_at_pair, look_at_solids};
 use crate::pairs::{Body, pair_tolerance};
 use crate::scene::Scene;
-use crate::solid::{Part, near, pose_of};
+use crate::solid::Part;
 
 /// What touches what.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -92,28 +89,19 @@ pub struct Allowance<'z> {
     pub buffered: bool,
 }
 
-/// Nearest distances of the moving leg.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Clearance {
-    /// To another link, less what that pair must keep (m); the pair and the plain distance.
-    pub links: Option<Violation>,
-    /// To ground or obstacles; touching inside a contact zone does not count.
-    pub environment: Option<Violation>,
-}
-
 /// One leg that moves while the rest of the robot stands.
 pub struct LegChecker<'a> {
     pub(crate) scene: &'a Scene,
     pub(crate) chain: LegChain,
     leg: LegId,
-    keep: Keep,
+    pub(crate) keep: Keep,
     /// From the wheel inward: the wheel meets things first.
     pub(crate) moving: Vec<Moving<'a>>,
-    fixed: Vec<Fixed<'a>>,
+    pub(crate) fixed: Vec<Fixed<'a>>,
     /// The base and each other leg: parts of `fixed` that lie together.
     groups: Vec<Group>,
     /// Obstacles within reach.
-    near_solids: Vec<usize>,
+    pub(crate) near_solids: Vec<usize>,
     /// Highest ground within reach (m), if all of it is known.
     roof: Option<f64>,
     /// All that is looked at, from the wheel inward.
@@ -127,14 +115,14 @@ pub(crate) struct Moving<'a> {
     place_from_part: Frame,
     pub is_foot: bool,
     /// Clearance that each other moving part keeps from it (m).
-    required: Vec<Option<f64>>,
+    pub required: Vec<Option<f64>>,
 }
 
-struct Fixed<'a> {
-    part: &'a Part,
-    placed: Placed,
+pub(crate) struct Fixed<'a> {
+    pub part: &'a Part,
+    pub placed: Placed,
     /// Clearance that each moving part keeps from it (m); none for pairs that are not checked.
-    required: Vec<Option<f64>>,
+    pub required: Vec<Option<f64>>,
 }
 
 struct Group {
@@ -396,115 +384,7 @@ impl<'a> LegChecker<'a> {
         })
     }
 
-    /// Nearest distances within `reach` (m) beyond the tolerances, from exact shapes.
-    pub fn clearance(&self, posture: &Posture, allowance: Allowance, reach: f64) -> Clearance {
-        let frames = self.frames_of(posture);
-        let moment = Moment::still(&frames, allowance);
-        let mut scratch = Scratch::new(self);
-        let mut nearest = Clearance { links: None, environment: None };
-        for index in 0..self.moving.len() {
-            self.environment_clearance(&moment, index, reach, &mut scratch, &mut nearest);
-            self.links_clearance(&moment, index, reach, &mut scratch, &mut nearest);
-        }
-        nearest
-    }
-
-    fn environment_clearance(
-        &self,
-        moment: &Moment,
-        index: usize,
-        reach: f64,
-        scratch: &mut Scratch,
-        nearest: &mut Clearance,
-    ) {
-        let moving = &self.moving[index];
-        scratch.place(self, moment, index);
-        scratch.place_foot(self, moment);
-        let placed = scratch.parts[index].placed;
-        let in_zone = moving.is_foot && self.zone_holds(moment, scratch).is_some();
-        let lift = if moment.allowance.buffered { self.keep.terrain_lift } else { 0.0 };
-        // The rules that apply; the one that leaves most to spare counts.
-        let mut rules = vec![(self.environment(), lift)];
-        if moving.is_foot && lift > 0.0 && self.over_footfall(scratch).is_some() {
-            rules.push((self.environment(), 0.0));
-        }
-        if let (true, Some(zone)) = (in_zone, moment.allowance.zone) {
-            let depth = DEPTH_SLACK * zone.ground_tolerance;
-            rules.push((0.0, if moving.part.is_wheel { -depth } else { 0.0 }));
-        }
-        let link = moving.part.link;
-        let least = within(reach, &nearest.environment);
-        let of_rule = |(required, lift): (f64, f64)| {
-            let at = placed.raised(-lift);
-            match near_ground(
-                self.scene,
-                moving.part,
-                &at,
-                required,
-                (required + least).max(TOUCHING),
-                Kernel::Exact,
-            ) {
-                GroundNear::Clear => None,
-                GroundNear::Near(near) => Some(violation(Touch::Ground(link), near, required)),
-                GroundNear::Unknown(place) => {
-                    let touch = Touch::UnknownGround(link);
-                    Some(Violation { touch, distance: 0.0, required, place })
-                }
-            }
-        };
-        let spare = |v: &Option<Violation>| v.map_or(f64::INFINITY, |v| v.distance - v.required);
-        let ground =
-            rules.into_iter().map(of_rule).max_by(|a, b| spare(a).total_cmp(&spare(b))).flatten();
-        // Touching within the zone is what the zone is for.
-        let touches = in_zone && ground.is_some_and(|v| v.required == 0.0 && v.distance > 0.0);
-        if !touches {
-            nearest.environment = nearer(nearest.environment, ground);
-        }
-        let buffered =
-            moment.allowance.buffered && !(moving.is_foot && self.over_footfall(scratch).is_some());
-        let buffer = if buffered { self.keep.obstacle_buffer } else { 0.0 };
-        let required = if in_zone { 0.0 } else { self.environment() + buffer };
-        for &i in &self.near_solids {
-            let solid = &self.scene.solids[i];
-            let limit = (required + within(reach, &nearest.environment)).max(TOUCHING);
-            if !apart(&placed, &moving.part.form, &solid.placed, &solid.form, limit) {
-                let near = near_solid(&placed, moving.part, solid, limit);
-                let found = near.map(|near| violation(Touch::Obstacle(link, i), near, required));
-                nearest.environment = nearer(nearest.environment, found);
-            }
-        }
-    }
-
-    fn links_clearance(
-        &self,
-        moment: &Moment,
-        index: usize,
-        reach: f64,
-        scratch: &mut Scratch,
-        nearest: &mut Clearance,
-    ) {
-        for j in index..self.moving.len() {
-            scratch.place(self, moment, j);
-        }
-        let part = self.moving[index].part;
-        let placed = &scratch.parts[index].placed;
-        let own = self.moving.iter().zip(&scratch.parts).skip(index + 1);
-        let own = own.map(|(m, here)| (m.part, &here.placed, m.required[index]));
-        let fixed = self.fixed.iter().map(|f| (f.part, &f.placed, f.required[index]));
-        for (other, at, required) in own.chain(fixed) {
-            let Some(required) = required else { continue };
-            let limit = required + within(reach, &nearest.links);
-            if limit <= 0.0 || apart(placed, &part.form, at, &other.form, limit) {
-                continue;
-            }
-            let [pose, other_pose] = [placed, at].map(|p| pose_of(&p.frame));
-            let found = near(&pose, &*part.shape.0, &other_pose, &*other.shape.0, limit)
-                .map(|near| violation(Touch::Links(part.link, other.link), near, required));
-            nearest.links = nearer(nearest.links, found);
-        }
-    }
-
-    fn frames_of(&self, posture: &Posture) -> LegFrames {
+    pub(crate) fn frames_of(&self, posture: &Posture) -> LegFrames {
         let model = self.scene.robot().leg(self.leg);
         LegFrames {
             // Beyond the last joint stands the last link: the padding of a short leg.
@@ -691,7 +571,7 @@ impl<'a> LegChecker<'a> {
 
     /// Is the foot over its start or goal, where the ground is not raised: as
     /// [`zone_holds`](Self::zone_holds).
-    fn over_footfall(&self, scratch: &Scratch) -> Option<bool> {
+    pub(crate) fn over_footfall(&self, scratch: &Scratch) -> Option<bool> {
         let wheel = &scratch.foot;
         let radius = self.scene.robot().stance().contact_radius;
         let aside = self.keep.footfalls.iter().map(|p| (wheel.center.xy() - p).norm());
@@ -700,7 +580,7 @@ impl<'a> LegChecker<'a> {
     }
 
     /// Is the foot in the zone where it may touch: `None` if not, true if over all of the piece.
-    fn zone_holds(&self, moment: &Moment, scratch: &Scratch) -> Option<bool> {
+    pub(crate) fn zone_holds(&self, moment: &Moment, scratch: &Scratch) -> Option<bool> {
         let zone = moment.allowance.zone?;
         let wheel = &scratch.foot;
         let aside = (wheel.center.xy() - zone.center.xy()).norm();
@@ -709,7 +589,7 @@ impl<'a> LegChecker<'a> {
             .then_some(aside + wheel.motion <= zone.radius && above + wheel.motion <= zone.height)
     }
 
-    fn environment(&self) -> f64 {
+    pub(crate) fn environment(&self) -> f64 {
         let own = self.scene.robot().tolerances().environment;
         self.keep.environment.unwrap_or(own) + self.keep.inflation
     }
@@ -736,8 +616,8 @@ pub(crate) struct Foot {
 
 /// What has been placed at the present moment: each part when it is first asked for.
 pub(crate) struct Scratch {
-    parts: Vec<Here>,
-    /// Which of them hold: bit by index.
+    pub parts: Vec<Here>,
+    /// Which of them hold.
     placed: Vec<bool>,
     foot: Foot,
     foot_placed: bool,
@@ -761,7 +641,7 @@ impl Scratch {
         self.foot_placed = false;
     }
 
-    fn place(&mut self, checker: &LegChecker, moment: &Moment, index: usize) {
+    pub fn place(&mut self, checker: &LegChecker, moment: &Moment, index: usize) {
         if self.placed[index] {
             return;
         }
@@ -778,7 +658,7 @@ impl Scratch {
         self.parts[index] = Here { placed, motion };
     }
 
-    fn place_foot(&mut self, checker: &LegChecker, moment: &Moment) {
+    pub fn place_foot(&mut self, checker: &LegChecker, moment: &Moment) {
         self.foot_motion(checker, moment.frames, moment.change);
     }
 
@@ -804,15 +684,4 @@ impl Scratch {
     pub fn motion(&self, index: usize) -> f64 {
         self.parts[index].motion
     }
-}
-
-/// How much a distance may have to spare (m) to be the nearest so far.
-fn within(reach: f64, nearest: &Option<Violation>) -> f64 {
-    nearest.map_or(reach, |v| v.distance - v.required).min(reach)
-}
-
-/// Of two the one that has less to spare.
-fn nearer(a: Option<Violation>, b: Option<Violation>) -> Option<Violation> {
-    let spare = |v: &Violation| v.distance - v.required;
-    a.into_iter().chain(b).min_by(|a, b| spare(a).total_cmp(&spare(b)))
 }

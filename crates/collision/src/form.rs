@@ -66,9 +66,9 @@ impl Form {
                 Vector3::new(n.x * r, half.copysign(n.y), n.z * r)
             }
             Form::Capsule { radius, half } => {
-                n.normalize_or_zero() * *radius + Vector3::y() * half.copysign(n.y)
+                unit_or_zero(n) * *radius + Vector3::y() * half.copysign(n.y)
             }
-            Form::Sphere { radius } => n.normalize_or_zero() * *radius,
+            Form::Sphere { radius } => unit_or_zero(n) * *radius,
             Form::Hull { points } => {
                 let along = |p: &Point3<f64>| p.coords.dot(n);
                 let far = points.iter().max_by(|a, b| along(a).total_cmp(&along(b)));
@@ -111,7 +111,7 @@ impl Form {
                     .fold(Vector3::zeros(), |most: Vector3<f64>, p| most.sup(&p.coords.abs()));
                 let mut core = Core::of_box(&extent);
                 let far = |p: &Point3<f64>| {
-                    let along = core.half.normalize_or_zero();
+                    let along = unit_or_zero(&core.half);
                     let t = p.coords.dot(&along).clamp(-core.half.norm(), core.half.norm());
                     (p.coords - along * t).norm()
                 };
@@ -122,14 +122,8 @@ impl Form {
     }
 }
 
-trait NormalizeOrZero {
-    fn normalize_or_zero(&self) -> Self;
-}
-
-impl NormalizeOrZero for Vector3<f64> {
-    fn normalize_or_zero(&self) -> Self {
-        self.try_normalize(1e-12).unwrap_or_else(Vector3::zeros)
-    }
+fn unit_or_zero(v: &Vector3<f64>) -> Vector3<f64> {
+    v.try_normalize(1e-12).unwrap_or_default()
 }
 
 impl Core {

@@ -16,6 +16,7 @@ mod bisection;
 mod body;
 mod certificate;
 mod checker;
+mod clearance;
 mod form;
 mod gjk;
 mod ground;
@@ -29,7 +30,8 @@ mod wheel;
 
 pub use body::BodyCertifier;
 pub use certificate::{Certificate, Certifier};
-pub use checker::{Allowance, Clearance, ContactZone, Keep, LegChecker, Touch, Violation};
+pub use checker::{Allowance, ContactZone, Keep, LegChecker, Touch, Violation};
+pub use clearance::Clearance;
 pub use pairs::Body;
 pub use scene::{Obstacle, Scene, SceneError};
 pub use survey::{PairDistance, Survey, survey};

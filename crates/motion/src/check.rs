@@ -208,19 +208,16 @@ fn look_along_leg(context: &CheckContext, waypoints: &[Waypoint], seen: &mut See
         };
         let allowance = Allowance { zone, buffered: phase == Phase::Transit };
         let clearance = checker.clearance(&posture, allowance, reach);
-        let mut free = reach;
         if let Some(v) = clearance.links {
             seen.links.take(spare(&v), time, v);
-            free = free.min(v.distance);
         }
         if let Some(v) = clearance.environment {
             seen.environment.take(spare(&v), time, v);
-            free = free.min(v.distance);
         }
         if !context.transit_only {
             seen.stability_of(context, &posture, context.standing, context.preference, time);
         }
-        free
+        clearance.room
     };
     let Some(first) = waypoints.first() else { return };
     // The first waypoint stands for the phase that begins there, after a shift too.
