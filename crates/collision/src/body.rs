@@ -7,7 +7,7 @@
 //!
 //! What must be kept:
 //! - Links of the robot, and links and obstacles or ground: their tolerance; where they are nearer at
-//!   the start, [`AS_NEAR`] of their distance there. What overlaps is never free.
+//!   the start, a share of their distance there ([`Survey::kept`]). What overlaps is never free.
 //! - A standing wheel may be in the ground while its center is within the contact radius of where it
 //!   stood, by no more than [`DEPTH_SLACK`] of the ground tolerance. Its fork keeps its distance.
 //! - Ground must be known, but below parts that nobody has seen the ground of at the start: those are
@@ -28,9 +28,6 @@ use crate::pairs::{Body, pair_tolerance};
 use crate::scene::Scene;
 use crate::solid::Part;
 use crate::survey::{Survey, survey};
-
-/// What is nearer than its tolerance at the start may come nearer by a tenth.
-const AS_NEAR: f64 = 0.9;
 
 /// Way of two bodies toward each other over half a piece below which exact distances are asked for
 /// (m at scale 1).
@@ -127,17 +124,12 @@ impl<'a> BodyCertifier<'a> {
     /// All that is looked at: the surroundings of each part first, then pairs of parts.
     fn gather(&mut self, start: &Configuration, at_start: &Survey) {
         let robot = self.scene.robot();
-        let near = |touch: Touch| {
-            let all = at_start.links.iter().chain(&at_start.environment);
-            all.filter(move |pair| pair.touch == touch).map(|pair| AS_NEAR * pair.distance)
-        };
-        let required = |touch: Touch, tolerance: f64| near(touch).fold(tolerance, f64::min);
         let still = Sway::still(&self.chain, start);
         let tolerance = robot.tolerances().environment;
         for (i, moved) in self.parts.iter_mut().enumerate() {
             let (part, placed) = (moved.part, moved.placed(&still));
             let mut add = |against, touch| {
-                let required = required(touch, tolerance);
+                let required = at_start.kept(touch, tolerance);
                 self.items.push(Item { part: i as u16, against, required });
                 required
             };
@@ -151,7 +143,7 @@ impl<'a> BodyCertifier<'a> {
         for (i, a) in self.scene.parts.iter().enumerate() {
             for (j, b) in self.scene.parts.iter().enumerate().skip(i + 1) {
                 if let Some(tolerance) = pair_tolerance(robot, a.body, b.body) {
-                    let required = required(Touch::Links(a.link, b.link), tolerance);
+                    let required = at_start.kept(Touch::Links(a.link, b.link), tolerance);
                     let against = Against::Part(j as u16);
                     self.items.push(Item { part: i as u16, against, required });
                 }

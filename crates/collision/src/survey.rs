@@ -39,7 +39,18 @@ pub struct Survey {
     pub standing: Vec<LegId>,
 }
 
+/// What is nearer than its tolerance already may come nearer by a tenth while the body is shifted.
+const AS_NEAR: f64 = 0.9;
+
 impl Survey {
+    /// The clearance (m) that a shift of the body from this posture keeps: `tolerance`, or less where
+    /// the two are nearer than that already.
+    pub fn kept(&self, touch: Touch, tolerance: f64) -> f64 {
+        let pairs = self.links.iter().chain(&self.environment);
+        let before = pairs.filter(|pair| pair.touch == touch).map(|pair| AS_NEAR * pair.distance);
+        before.fold(tolerance, f64::min)
+    }
+
     /// The pair of links that overlaps, if any.
     pub fn self_collision(&self) -> Option<&PairDistance> {
         self.links.first().filter(|pair| pair.distance <= 0.0)

@@ -28,9 +28,6 @@ const REACH: f64 = 0.15;
 /// How far standing wheels may leave their places in a body shift (m at scale 1).
 const CLOSURE: f64 = 0.0025;
 
-/// What is nearer than its tolerance before a body shift may come nearer by a tenth.
-const AS_NEAR: f64 = 0.9;
-
 /// Distances below the tolerance by rounding alone pass (m).
 const ROUNDING: f64 = 1e-7;
 
@@ -305,19 +302,16 @@ fn look_at_body(
     time: f64,
 ) {
     let now = survey(context.scene, posture);
-    let violation = |pair: &PairDistance, before: &[PairDistance]| {
-        let was = before.iter().find(|p| p.touch == pair.touch).map(|p| p.distance);
-        let required = was.map_or(pair.tolerance, |was| (AS_NEAR * was).min(pair.tolerance));
-        let place = posture.link(rover::LinkId(0)).translation.vector.into();
+    let place = posture.link(rover::LinkId(0)).translation.vector.into();
+    let violation = |pair: &PairDistance| {
+        let required = at_start.kept(pair.touch, pair.tolerance);
         Violation { touch: pair.touch, distance: pair.distance, required, place }
     };
-    for pair in &now.links {
-        let v = violation(pair, &at_start.links);
-        seen.links.take(v.distance - v.required, time, v);
+    for v in now.links.iter().map(violation) {
+        seen.links.take(spare(&v), time, v);
     }
-    for pair in &now.environment {
-        let v = violation(pair, &at_start.environment);
-        seen.environment.take(v.distance - v.required, time, v);
+    for v in now.environment.iter().map(violation) {
+        seen.environment.take(spare(&v), time, v);
     }
 }
 

@@ -1,7 +1,5 @@
 //! Whether the whole body is clear while it is shifted.
 
-use std::collections::BTreeMap;
-
 use collision::{BodyCertifier, Certificate, Scene, Survey, Touch, Violation, survey};
 use rover::{Configuration, LegId, Posture};
 
@@ -67,41 +65,31 @@ impl BodyClear for CertifiedBody<'_> {
 pub struct SampledBody<'a> {
     scene: &'a Scene,
     standing: Vec<LegId>,
-    at_start: BTreeMap<String, f64>,
+    at_start: Survey,
 }
 
 impl<'a> SampledBody<'a> {
     /// Prepares for shifts from `start` with these legs standing.
     pub fn new(scene: &'a Scene, start: &Configuration, standing: &[LegId]) -> SampledBody<'a> {
-        let seen = survey(scene, &Posture::new(scene.robot(), start));
-        let at_start = near(&seen).map(|pair| (key(pair.touch), pair.distance)).collect();
+        let at_start = survey(scene, &Posture::new(scene.robot(), start));
         SampledBody { scene, standing: standing.to_vec(), at_start }
     }
 
     fn posture(&self, configuration: &Configuration) -> Result<(), String> {
         let seen = survey(self.scene, &Posture::new(self.scene.robot(), configuration));
-        let blocked = near(&seen).find(|pair| {
-            let before = self.at_start.get(&key(pair.touch)).map_or(pair.tolerance, |d| 0.9 * d);
-            pair.distance <= 0.0 || pair.distance < before.min(pair.tolerance) - ROUNDING
-        });
-        match blocked {
-            None => Ok(()),
-            Some(pair) => Err(near_text(self.scene, pair.touch, pair.distance, pair.tolerance)),
+        for pair in seen.links.iter().chain(&seen.environment) {
+            let kept = self.at_start.kept(pair.touch, pair.tolerance);
+            if pair.distance <= 0.0 || pair.distance < kept - ROUNDING {
+                return Err(near_text(self.scene, pair.touch, pair.distance, kept));
+            }
         }
+        Ok(())
     }
 }
 
 fn near_text(scene: &Scene, touch: Touch, distance: f64, required: f64) -> String {
     let text = touch_text(scene, touch);
     if distance <= 0.0 { text } else { format!("{text}: {distance:.3} m apart of {required:.3} m") }
-}
-
-fn near(seen: &Survey) -> impl Iterator<Item = &collision::PairDistance> {
-    seen.links.iter().chain(&seen.environment)
-}
-
-fn key(touch: Touch) -> String {
-    format!("{touch:?}")
 }
 
 impl BodyClear for SampledBody<'_> {
