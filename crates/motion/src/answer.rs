@@ -19,8 +19,8 @@ pub enum Target {
 /// Which planner finds the transit (F53, F60).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Planner {
-    /// The straight way in joint space if it is free, else A* on a coarse grid, SBL where that
-    /// fails (F81).
+    /// The straight way in joint space if it is free, else the better of a few short runs of
+    /// RRT-Connect, else A* on a coarse grid, else SBL (F81 began with A*).
     #[default]
     Auto,
     /// A* of the wheel on a grid in task space (F80).
@@ -225,12 +225,11 @@ pub struct Waypoint {
 /// What is in the way, in the words of the wire.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Constraint {
-    /// `reach`, `joint_limits`, `ground`, `unknown_ground`, `clearance`, `stability`, `torque` or
-    /// `search`.
+    /// `reach`, `joint_limits`, `ground`, `unknown_ground`, `clearance`, `stability` or `search`.
     pub name: &'static str,
     /// How much is missing, in `unit`.
     pub missing: Option<f64>,
-    /// `m`, `rad` or `share`.
+    /// `m` or `rad`.
     pub unit: &'static str,
 }
 
@@ -302,7 +301,7 @@ pub struct StepAnswer {
     pub statistics: Statistics,
     /// Without a plan: what is in the way.
     pub constraint: Option<Constraint>,
-    /// Without a plan: the nearest ground for which there would be one, where one was found.
+    /// Without a plan: the nearest ground found where the wheel could be put down and lifted.
     pub nearest: Option<Point3<f64>>,
     /// Load that the wheel is pressed to (N).
     pub preload: Option<f64>,

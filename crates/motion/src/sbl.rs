@@ -32,14 +32,11 @@ pub struct SblOptions {
     pub max_milestones: usize,
     /// Closeness threshold (rad, largest joint), ρ.
     pub closeness: f64,
-    /// Resolution at which a sampled segment counts as tested (rad, largest joint), ε; a space
-    /// made for the request carries it.
-    pub epsilon: f64,
 }
 
 impl Default for SblOptions {
     fn default() -> SblOptions {
-        SblOptions { max_milestones: 10_000, closeness: 0.5, epsilon: 0.01 }
+        SblOptions { max_milestones: 10_000, closeness: 0.5 }
     }
 }
 

@@ -14,6 +14,7 @@ use crate::failure::{Failure, Teller};
 use crate::leg_space::{LegSpace, guard_over};
 use crate::line::wheel_line;
 use crate::shift::{CertifiedBody, SampledBody, ShiftRequest, plan_shift};
+use crate::space::Space;
 use crate::timing::{TimingError, TimingLimits, time_body_path, time_leg_path};
 use crate::transit::Transit;
 use crate::watch::{Stage, Watch};
@@ -25,7 +26,7 @@ const MOST_SEARCHES: usize = 3;
 ///
 /// Where the margin rule asks for it, and the request allows it, the body is shifted first; else
 /// the base does not move. Where there is no step the answer says what is in the way, how much is
-/// missing, and the nearest ground for which there would be one. Deterministic for the same scene,
+/// missing, and the nearest ground found where the wheel could be put down. Deterministic for the same scene,
 /// start and request, unless `watch` stops it.
 pub fn plan_step(
     scene: &Scene,
@@ -117,7 +118,8 @@ impl<'a> Planning<'a> {
         let guard = guard_over(&robot, &stance.standing, self.request.preference);
         let scene = self.scene;
         let contact = self.contact(&posture, stance.seen.as_ref());
-        let checker = LegChecker::keeping(scene, &posture, self.leg(), self.keep(contact.as_ref()));
+        let keep = self.keep(&posture, contact.as_ref());
+        let checker = LegChecker::keeping(scene, &posture, self.leg(), keep.clone());
         let rule = self.request.edges;
         let mut space = LegSpace::new(&checker, &robot, &posture, guard.as_ref(), rule);
         let departure = self.departure(&posture, contact, &mut space)?;
@@ -125,14 +127,23 @@ impl<'a> Planning<'a> {
         if let Err(failure) = &result {
             self.nearest = self.nearest_place(&posture, failure, &mut space, watch);
         }
-        self.statistics.n_checked = crate::space::Space::n_checked(&space);
+        self.statistics.n_checked = space.n_checked();
         let (arrival, transit) = result?;
         self.statistics.certified = matches!(rule, EdgeRule::Certified);
         let down = arrival.knots[arrival.knots.len() - 1];
-        let pressed = (self.request.preload && !self.request.transit_only)
-            .then_some(arrival.footfall.as_ref())
-            .flatten()
+        let pressed = arrival
+            .footfall
+            .as_ref()
+            .filter(|_| self.request.preload)
             .and_then(|footfall| self.pressed(&posture, &down, footfall, &stance.standing));
+        if let Some((knots, _)) = &pressed {
+            space.zone = arrival.zone;
+            if let Some(blocked) = space.blocked_along(knots) {
+                let text = format!("pressed to its load, {}", self.teller().blocked_text(&blocked));
+                return Err(Failure::new(8, Outcome::NoLift, text).by_blocked(&blocked));
+            }
+        }
+        self.statistics.n_checked = space.n_checked();
         let mut parts = vec![(Phase::Lift, &departure.knots[..]), (Phase::Transit, &transit[..])];
         parts.push((Phase::Drop, &arrival.knots));
         parts.extend(pressed.iter().map(|(knots, _)| (Phase::Preload, &knots[..])));
@@ -159,7 +170,7 @@ impl<'a> Planning<'a> {
                 standing: &stance.standing,
                 gravity: self.gravity,
                 preference: self.request.preference,
-                keep: self.keep(departure.zone.map(|zone| zone.contact).as_ref()),
+                keep,
                 lift_zone: departure.zone,
                 drop_zone: arrival.zone,
                 transit_only: self.request.transit_only,
@@ -195,10 +206,13 @@ impl<'a> Planning<'a> {
     }
 
     /// Clearances that the step keeps.
-    fn keep(&self, contact: Option<&Point3<f64>>) -> Keep {
+    fn keep(&self, posture: &Posture, contact: Option<&Point3<f64>>) -> Keep {
+        let robot = self.scene.robot();
         let goal = match self.request.target {
-            Target::Ground(ground) => Some(ground.xy()),
-            Target::Angles(_) => None,
+            Target::Ground(ground) => ground.xy(),
+            Target::Angles(angles) => {
+                posture.with_leg(robot, self.leg(), &angles).wheel(robot, self.leg()).center().xy()
+            }
         };
         let buffers = &self.request.buffers;
         Keep {
@@ -208,7 +222,7 @@ impl<'a> Planning<'a> {
             inflation: buffers.inflation.max(0.0),
             obstacle_buffer: buffers.obstacle.max(0.0),
             terrain_lift: buffers.terrain_lift.max(0.0),
-            footfalls: contact.map(|p| p.xy()).into_iter().chain(goal).collect(),
+            footfalls: contact.map(|p| p.xy()).into_iter().chain([goal]).collect(),
         }
     }
 
@@ -246,7 +260,10 @@ impl<'a> Planning<'a> {
             });
             return Err(unstable(best));
         }
-        self.shift = self.shifted(&on_ground, watch).map_err(unstable)?;
+        self.shift = self.shifted(&on_ground, watch).map_err(|why| match watch.stopped() {
+            Some(stopped) => stopped.into(),
+            None => unstable(why),
+        })?;
         let posture = Posture::new(robot, self.stepping_from());
         let seen = survey(self.scene, &posture);
         let mut standing = seen.contacts(self.scene, &posture);
@@ -375,6 +392,9 @@ impl<'a> Planning<'a> {
         let robot = self.scene.robot();
         let limits = TimingLimits::of(robot);
         let leg = self.leg();
+        let may_hold = |guard: Option<&StanceGuard>, posture: &Posture| {
+            guard.is_some_and(|guard| guard.spare(&posture.center_of_mass(robot)) >= 0.0)
+        };
         let mut waypoints: Vec<Waypoint> = Vec::new();
         if self.shift.len() > 1 {
             let legs: Vec<LegId> = on_ground.iter().map(|(leg, _)| *leg).collect();
@@ -385,8 +405,8 @@ impl<'a> Planning<'a> {
                 angles: knot.legs[leg.0],
                 phase: Phase::Shift,
                 time,
+                hold: may_hold(all.as_ref(), &Posture::new(robot, knot)),
                 stance: Some(knot.clone()),
-                hold: true,
             }));
         }
         for (phase, knots) in parts {
@@ -396,7 +416,8 @@ impl<'a> Planning<'a> {
             // Each part begins where the one before ends.
             for (angles, time) in all.skip(usize::from(!waypoints.is_empty())) {
                 let (phase, time) = (*phase, begin + time);
-                waypoints.push(Waypoint { angles: *angles, phase, time, stance: None, hold: true });
+                let hold = may_hold(guard, &posture.with_leg(robot, leg, angles));
+                waypoints.push(Waypoint { angles: *angles, phase, time, stance: None, hold });
             }
         }
         Ok(waypoints)

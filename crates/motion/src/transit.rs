@@ -46,6 +46,7 @@ impl Transit<'_> {
         watch.entered(Stage::Search);
         space.last = None;
         statistics.straight = (to - from).norm();
+        statistics.first_path = 0.0;
         let (first, planner) = match self.request.planner {
             Planner::Line => (self.line(&from, &to, space)?, PathPlanner::Line),
             Planner::Auto => {
@@ -72,7 +73,7 @@ impl Transit<'_> {
             }
         };
         statistics.planner = Some(planner);
-        if planner != PathPlanner::RrtConnect || self.request.planner != Planner::Auto {
+        if statistics.first_path == 0.0 {
             statistics.first_path = path_length(&first);
         }
         watch.entered(Stage::Smoothing);
@@ -116,7 +117,9 @@ impl Transit<'_> {
                     return Ok(Some((path, PathPlanner::JointLine)));
                 }
                 SearchOutcome::Found(path) => {
-                    statistics.first_path = statistics.first_path.max(path_length(&path));
+                    if best.is_none() {
+                        statistics.first_path = path_length(&path);
+                    }
                     watch.entered(Stage::Smoothing);
                     let rough = SmoothOptions { max_checked: ROUGH_BUDGET, ..request.smooth };
                     let rough = smooth(space, &path, &rough, watch)?;

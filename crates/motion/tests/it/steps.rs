@@ -1,12 +1,13 @@
 //! Whole steps.
 
-use collision::{LegChecker, Obstacle, Scene};
+use collision::{LegChecker, Obstacle, Scene, survey};
 use motion::{
-    Outcome, Phase, Planner, StepAnswer, StepRequest, Stopped, Target, Unwatched, Watch, plan_step,
+    Outcome, Phase, Planner, Stage, StepAnswer, StepRequest, Stopped, Target, Unwatched, Watch,
+    plan_step,
 };
 use nalgebra::{Isometry3, Point3, Vector3};
 use rover::{Configuration, LegId, Posture};
-use stability::rule::Preference;
+use stability::rule::{self, Preference};
 
 use crate::{loaded, scene, standing};
 
@@ -245,6 +246,61 @@ fn the_same_request_gives_the_same_plan_and_work() {
     };
     assert_eq!(with_seed(3), with_seed(3));
     assert_eq!(with_seed(4).outcome, Outcome::Found);
+}
+
+#[test]
+fn waypoints_where_the_robot_may_be_held_are_those_where_the_rule_holds() {
+    let scene = scene(loaded(), &[]);
+    let start = standing(scene.robot());
+    let answer = step(&scene, [0.3, 0.2], |_| {});
+    let posture = Posture::new(scene.robot(), &start);
+    let feet = survey(&scene, &posture).contacts(&scene, &posture);
+    let others: Vec<_> = feet.into_iter().filter(|(leg, _)| *leg != LegId(1)).collect();
+    for w in &answer.waypoints {
+        let at = Posture::new(scene.robot(), &start.with_leg(LegId(1), w.angles));
+        let report = rule::assess(scene.robot(), &at, &others, MOON);
+        let verdict = rule::verdict(&report, scene.robot().stance(), Preference::Regular);
+        assert_eq!(w.hold, verdict.ok, "{}", verdict.explanation);
+    }
+    // A bare motion of the leg says nothing of stability.
+    let goal = answer.waypoints[answer.waypoints.len() / 2].angles;
+    let mut request = StepRequest::new(LegId(1), Target::Angles(goal), 1.0);
+    request.transit_only = true;
+    let lifted = start.with_leg(LegId(1), answer.waypoints[2].angles);
+    let bare = plan_step(&scene, &lifted, MOON, &request, &mut Unwatched);
+    assert!(bare.waypoints.iter().all(|w| !w.hold), "{}", bare.reason);
+}
+
+#[test]
+fn the_ground_is_not_raised_under_a_goal_given_by_angles() {
+    let scene = scene(loaded(), &[]);
+    let there = step(&scene, [0.6, 0.0], |_| {});
+    let angles = there.waypoints.last().unwrap().angles;
+    let raised = step(&scene, [0.0, 0.0], |r| {
+        r.target = Target::Angles(angles);
+        r.buffers.terrain_lift = 0.25; // above the waypoints, which are 0.20 m up
+    });
+    assert_eq!(raised.outcome, Outcome::Found, "{}", raised.reason);
+}
+
+#[test]
+fn a_deadline_while_a_shift_is_sought_is_a_deadline() {
+    struct InShift(bool);
+    impl Watch for InShift {
+        fn stopped(&mut self) -> Option<Stopped> {
+            self.0.then_some(Stopped::Deadline)
+        }
+        fn entered(&mut self, stage: Stage) {
+            self.0 |= stage == Stage::Shift;
+        }
+    }
+    let scene = scene(loaded(), &[]);
+    let start = standing(scene.robot());
+    let target = Target::Ground(wheel_ground(&scene, &start, LegId(1)));
+    let mut request = StepRequest::new(LegId(1), target, 1.0);
+    request.preference = Preference::Conservative;
+    let answer = plan_step(&scene, &start, MOON, &request, &mut InShift(false));
+    assert_eq!(answer.outcome, Outcome::Deadline, "{}", answer.reason);
 }
 
 #[test]

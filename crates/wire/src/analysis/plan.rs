@@ -109,7 +109,8 @@ pub struct PlanTarget {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Planner {
-    /// A* on a coarse grid first, SBL where it fails (F81).
+    /// The straight way in joint space, the better of a few short runs of RRT-Connect, A* on a coarse
+    /// grid, SBL: the first that finds a path (F81).
     #[default]
     Auto,
     /// Single-query, bi-directional, lazy (F68-F74).
@@ -193,8 +194,8 @@ pub struct PlanAnswer {
     /// Where there is no plan: which constraint is in the way, and how much is missing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub constraint: Option<PlanConstraint>,
-    /// Where there is no plan: the nearest place on the ground for which there would be one, in
-    /// `world` (m), where one was found.
+    /// Where there is no plan because of the place: the nearest ground found where the wheel could be
+    /// put down and lifted again, in `world` (m). Whether a way leads there is not known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub nearest_m: Option<[f64; 3]>,
     /// The way back from the end of each command to where the step began: the same path, backward,
@@ -208,12 +209,12 @@ pub struct PlanAnswer {
 /// What is in the way of a plan.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct PlanConstraint {
-    /// `reach`, `joint_limits`, `ground`, `unknown_ground`, `clearance`, `stability`, `torque` or
-    /// `search` (the work budget).
+    /// `reach`, `joint_limits`, `ground`, `unknown_ground`, `clearance`, `stability` or `search`
+    /// (the work budget).
     pub name: String,
     /// How much is missing, in `unit`; absent where no figure says it.
     pub missing: Option<f64>,
-    /// `m`, `rad` or `share`.
+    /// `m` or `rad`.
     pub unit: String,
     /// In a sentence.
     pub detail: String,

@@ -14,7 +14,7 @@ import {
 } from "../../store/planOptions";
 
 const PLANNERS: [Options["planner"], string, string][] = [
-  ["auto", "Automatic", "A* on a coarse grid first, SBL where that fails."],
+  ["auto", "Automatic", "The straight way, short random trees, A*, SBL: the first that finds a path."],
   [
     "astar",
     "A*",
