@@ -14,7 +14,11 @@ import {
 } from "../../store/planOptions";
 
 const PLANNERS: [Options["planner"], string, string][] = [
-  ["auto", "Automatic", "The straight way, short random trees, A*, SBL: the first that finds a path."],
+  [
+    "auto",
+    "Automatic",
+    "The straight way, short random trees, A*, SBL: the first that finds a path.",
+  ],
   [
     "astar",
     "A*",
