@@ -11,13 +11,20 @@
 //! - [`rule`]: all of these for one posture, and the verdict of the margin rule on them;
 //! - [`guard`]: that rule over fixed contacts, prepared for asking it many times.
 
+pub mod contact;
+pub mod contact_forces;
+pub mod energy;
+pub mod force_region;
 pub mod guard;
 pub mod loads;
 pub mod rule;
 pub mod settlement;
+mod simplex;
 pub mod support_polygon;
 pub mod torque;
 
+pub use contact::{ConeBound, ConeModel, Contact, ContactError};
+pub use force_region::{ForceRegion, ForceSet};
 pub use guard::StanceGuard;
 pub use loads::{spring_share, spring_share_with_preload};
 pub use rule::{Check, Preference, StanceReport, Verdict, assess, verdict};

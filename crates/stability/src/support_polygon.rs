@@ -125,14 +125,14 @@ fn radon_point(p: [Point2<f64>; 4]) -> Point2<f64> {
 }
 
 /// One side of a line: where `inward` · (p - `on_line`) is not negative.
-struct HalfPlane {
+pub(crate) struct HalfPlane {
     on_line: Point2<f64>,
     inward: Vector2<f64>,
 }
 
 impl HalfPlane {
     /// Left of the line from `a` to `b`.
-    fn left_of(a: Point2<f64>, b: Point2<f64>) -> HalfPlane {
+    pub(crate) fn left_of(a: Point2<f64>, b: Point2<f64>) -> HalfPlane {
         let along = (b - a).normalize();
         HalfPlane { on_line: a, inward: Vector2::new(-along.y, along.x) }
     }
@@ -157,11 +157,16 @@ fn leave_one_out(contacts_in_g: &[Point3<f64>], hull: &ConvexPolygon) -> ConvexR
         others.clear();
         others.extend(contacts_in_g.iter().filter(|c| !std::ptr::eq(*c, lost)).map(Point3::xy));
         for half_plane in half_planes(&others) {
-            ring = cut(&ring, &half_plane);
+            ring = cut(&ring, &half_plane, CUT_SLACK);
         }
-        if ring.is_empty() {
-            return ConvexRegion::Empty;
-        }
+    }
+    region_of_ring(ring)
+}
+
+/// What a ring of vertices encloses; a segment counts as its middle.
+pub(crate) fn region_of_ring(ring: Vec<Point2<f64>>) -> ConvexRegion {
+    if ring.is_empty() {
+        return ConvexRegion::Empty;
     }
     let middle = ring.iter().map(|p| p.coords).sum::<Vector2<f64>>() / ring.len() as f64;
     match ConvexPolygon::hull(ring) {
@@ -189,15 +194,16 @@ fn half_planes(points: &[Point2<f64>]) -> Vec<HalfPlane> {
 }
 
 /// Sutherland and Hodgman's cut of a ring by one half plane; a ring may be a segment or a point.
-fn cut(ring: &[Point2<f64>], half_plane: &HalfPlane) -> Vec<Point2<f64>> {
+/// What is no more than `slack` (m) outside counts as on the border.
+pub(crate) fn cut(ring: &[Point2<f64>], half_plane: &HalfPlane, slack: f64) -> Vec<Point2<f64>> {
     let mut kept = Vec::with_capacity(ring.len() + 1);
     for (i, p) in ring.iter().enumerate() {
         let q = &ring[(i + 1) % ring.len()];
         let (dp, dq) = (half_plane.depth(*p), half_plane.depth(*q));
-        if dp >= -CUT_SLACK {
+        if dp >= -slack {
             kept.push(*p);
         }
-        if dp.min(dq) < -CUT_SLACK && dp.max(dq) > CUT_SLACK {
+        if dp.min(dq) < -slack && dp.max(dq) > slack {
             kept.push(p + (q - p) * (dp / (dp - dq)));
         }
     }

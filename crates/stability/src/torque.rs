@@ -55,7 +55,7 @@ pub fn ratios(
     TorqueReport { ratios, worst }
 }
 
-fn share(torque: f64, limit: f64) -> f64 {
+pub(crate) fn share(torque: f64, limit: f64) -> f64 {
     if limit > 0.0 {
         torque / limit
     } else if torque == 0.0 {

@@ -4,7 +4,9 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use rover::{Configuration, LegId, Payload, Posture, Robot};
 
 mod degenerate;
+mod energy;
 mod guard;
+mod linear;
 mod oracle;
 mod paper;
 mod properties;

@@ -1,0 +1,335 @@
+//! Where the center of mass may be so that forces that the contacts can give hold the rover.
+//!
+//! With friction limited, a stance holds on the projection to x and y of all centers of mass and
+//! contact forces in balance (H7 to H11; Bretl & Lall, IEEE T-RO 2008). Forces are mixes of unit
+//! forces: the edges of linearized friction cones, or the corners of bounded sets, where joint
+//! torques (H12) or a rope limit them. In units of the weight, with unit forces d at p,
+//!
+//! Σ λ d = (0, 0, 1),  Σ λ (p × d)_z = 0,  center of mass (x, y) = Σ λ (-(p × d)_y, (p × d)_x),  λ ≥ 0.
+//!
+//! That is a linear program with four balances, and the region is the shadow of its feasible set:
+//! [`crate::simplex`] walks around it, one pivot a vertex. The outline is exact for the
+//! linearized cones; whether these lie inside or outside of the true ones is the caller's choice.
+//!
+//! On walls that face each other, feet may push against each other without limit and hold any
+//! center of mass. So that every region is bounded and every answer is one of a real rover, all
+//! unit forces together are limited to [`FORCE_CAP`] times the weight.
+//!
+//! Frame `g` (z up), meters, newtons.
+
+use geometry::{ConvexPolygon, ConvexRegion};
+use nalgebra::{Point2, Point3, Unit, Vector3};
+
+use crate::contact::{self, ConeModel, Contact, ContactError};
+use crate::simplex::{ShadowVertex, Tableau};
+use crate::support_polygon::{self, HalfPlane, cut};
+
+/// Most that all unit forces together may be, in weights.
+pub const FORCE_CAP: f64 = 100.0;
+
+/// Regions that come this near to each other (m) touch.
+const TOUCH: f64 = 1e-8;
+
+/// Directions in which a region is sampled should its outline not be found.
+const FALLBACK_DIRECTIONS: usize = 64;
+
+/// Forces that one contact can give: mixes of `corners`, which sum to one, and of `rays`, which may
+/// have any size. Without corners, the rays begin at zero.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ForceSet {
+    /// Where the force acts (m).
+    pub position: Point3<f64>,
+    /// Directions without limit.
+    pub rays: Vec<Vector3<f64>>,
+    /// Corners of a bounded set (N).
+    pub corners: Vec<Vector3<f64>>,
+}
+
+impl ForceSet {
+    /// The linearized friction cone of a foot, in a stance with this center.
+    pub fn cone(contact: &Contact, center: &Point3<f64>, cone: ConeModel) -> ForceSet {
+        let rays = cone.rays(contact, center);
+        ForceSet { position: contact.position, rays, corners: Vec::new() }
+    }
+
+    /// A rope fixed to the rover at `position` (m) that pulls along `direction` with 0 up to
+    /// `max_tension` (N) (H48).
+    pub fn tether(
+        position: Point3<f64>,
+        direction: Unit<Vector3<f64>>,
+        max_tension: f64,
+    ) -> ForceSet {
+        let corners = vec![Vector3::zeros(), direction.into_inner() * max_tension.max(0.0)];
+        ForceSet { position, rays: Vec::new(), corners }
+    }
+}
+
+/// Friction cones of all contacts of a stance.
+pub fn cones(contacts: &[Contact], cone: ConeModel) -> Result<Vec<ForceSet>, ContactError> {
+    contact::check(contacts)?;
+    cone.check()?;
+    let center = contact::center(contacts.iter().map(|c| c.position));
+    Ok(contacts.iter().map(|c| ForceSet::cone(c, &center, cone)).collect())
+}
+
+/// Why no center of mass is held.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Emptiness {
+    /// No forces of these contacts sum up to the weight: the ground is too steep for its friction,
+    /// or joints or ropes are too weak.
+    Slides,
+    /// Forces that carry the weight would turn the rover about gravity.
+    Twists,
+    /// Nothing is left once any one contact is lost.
+    NoneSurvives,
+}
+
+/// The region of centers of mass that are held.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ForceRegion {
+    /// The region, in x and y of `g` (m). A segment (two contacts) counts as its middle.
+    pub region: ConvexRegion,
+    /// Why it is empty; `None` if it is not.
+    pub emptiness: Option<Emptiness>,
+    /// For each edge of an area, the contacts that bear there: with the center of mass beyond it,
+    /// they would slip, tip or be overloaded.
+    pub bearing: Vec<Vec<usize>>,
+    /// True if it reaches so far only because feet push against each other with [`FORCE_CAP`].
+    pub capped: bool,
+}
+
+impl ForceRegion {
+    fn empty(emptiness: Emptiness) -> ForceRegion {
+        let region = ConvexRegion::Empty;
+        ForceRegion { region, emptiness: Some(emptiness), bearing: Vec::new(), capped: false }
+    }
+
+    /// How far the center of mass may move, seen along gravity, before it leaves the region (m);
+    /// negative outside, for a point minus the distance to it, `None` for an empty region.
+    pub fn margin(&self, com: &Point3<f64>) -> Option<f64> {
+        support_polygon::margin_of_region(&self.region, com)
+    }
+
+    /// The contacts that bear at the edge nearest to the center of mass.
+    pub fn critical(&self, com: &Point3<f64>) -> &[usize] {
+        let area = self.region.area();
+        let edge = area.map(|polygon| polygon.depth_and_edge(com.xy()).1);
+        edge.and_then(|edge| self.bearing.get(edge)).map_or(&[], Vec::as_slice)
+    }
+}
+
+/// The region of centers of mass that forces of these sets hold under `weight` (N).
+pub fn region(sets: &[ForceSet], weight: f64) -> Result<ForceRegion, ContactError> {
+    check(sets, weight)?;
+    Ok(region_of(&sets.iter().collect::<Vec<_>>(), weight))
+}
+
+/// What is left of the region should any one contact, or rope, be lost (F40 with friction).
+///
+/// `bearing` then tells the contacts that bear at an edge, and the lost one is not among them.
+pub fn conservative(sets: &[ForceSet], weight: f64) -> Result<ForceRegion, ContactError> {
+    check(sets, weight)?;
+    let mut regions = Vec::with_capacity(sets.len());
+    for lost in 0..sets.len() {
+        let others: Vec<&ForceSet> =
+            sets.iter().enumerate().filter(|(i, _)| *i != lost).map(|(_, set)| set).collect();
+        if others.is_empty() {
+            return Ok(ForceRegion::empty(Emptiness::NoneSurvives));
+        }
+        let mut one = region_of(&others, weight);
+        for bearing in &mut one.bearing {
+            bearing.iter_mut().for_each(|i| *i += usize::from(*i >= lost));
+        }
+        regions.push(one);
+    }
+    let region = shared(&regions);
+    if region == ConvexRegion::Empty {
+        return Ok(ForceRegion::empty(Emptiness::NoneSurvives));
+    }
+    let bearing = region.area().map_or_else(Vec::new, |area| {
+        area.edges().map(|(a, b)| bearing_of(&regions, nalgebra::center(&a, &b))).collect()
+    });
+    let capped = regions.iter().any(|one| one.capped);
+    Ok(ForceRegion { region, emptiness: None, bearing, capped })
+}
+
+/// What all regions share.
+fn shared(regions: &[ForceRegion]) -> ConvexRegion {
+    let rings = regions.iter().map(|one| match &one.region {
+        ConvexRegion::Area(area) => area.vertices().to_vec(),
+        ConvexRegion::Point(p) => vec![*p],
+        ConvexRegion::Empty => Vec::new(),
+    });
+    let extent =
+        |ring: &Vec<Point2<f64>>| ring.iter().map(|p| (p - ring[0]).norm()).fold(0.0, f64::max);
+    // The smallest is cut by all others: a point can be cut by an area, not the other way around.
+    let Some(mut ring) = rings.min_by(|a, b| extent(a).total_cmp(&extent(b))) else {
+        return ConvexRegion::Empty;
+    };
+    for one in regions {
+        match &one.region {
+            ConvexRegion::Area(area) => {
+                for (a, b) in area.edges() {
+                    ring = cut(&ring, &HalfPlane::left_of(a, b), TOUCH);
+                }
+            }
+            ConvexRegion::Point(p) => ring.retain(|q| (p - q).norm() < TOUCH),
+            ConvexRegion::Empty => return ConvexRegion::Empty,
+        }
+    }
+    support_polygon::region_of_ring(ring)
+}
+
+/// Who bears at the edge, of all regions, that lies nearest to a point.
+fn bearing_of(regions: &[ForceRegion], point: Point2<f64>) -> Vec<usize> {
+    regions
+        .iter()
+        .filter_map(|one| {
+            let (depth, edge) = one.region.area()?.depth_and_edge(point);
+            Some((depth.abs(), one.bearing.get(edge)?))
+        })
+        .min_by(|a, b| a.0.total_cmp(&b.0))
+        .map_or_else(Vec::new, |(_, bearing)| bearing.clone())
+}
+
+fn check(sets: &[ForceSet], weight: f64) -> Result<(), ContactError> {
+    let n_contacts = sets.len();
+    if n_contacts == 0 {
+        return Err(ContactError::NoContacts);
+    }
+    if n_contacts > contact::MAX_CONTACTS {
+        return Err(ContactError::TooManyContacts { n_contacts });
+    }
+    if !(weight.is_finite() && weight > 0.0) {
+        return Err(ContactError::BadWeight);
+    }
+    for (contact, set) in sets.iter().enumerate() {
+        let forces = set.rays.iter().chain(&set.corners).flat_map(|f| f.iter());
+        if !set.position.iter().chain(forces).copied().all(f64::is_finite) {
+            return Err(ContactError::NotFinite { contact });
+        }
+    }
+    Ok(())
+}
+
+/// The linear program of a stance, in units of the weight and of the stance's size.
+struct Balance {
+    center: Point3<f64>,
+    size: f64,
+    columns: Vec<(Vec<f64>, [f64; 2])>,
+    /// The contact of each column; the last column is what is left of [`FORCE_CAP`].
+    owner: Vec<usize>,
+    right_side: Vec<f64>,
+}
+
+impl Balance {
+    fn new(sets: &[&ForceSet], weight: f64) -> Balance {
+        let center = contact::center(sets.iter().map(|set| set.position));
+        let size = sets.iter().map(|set| (set.position - center).norm()).fold(0.0, f64::max);
+        let size = if size > 1e-9 { size } else { 1.0 };
+        let bounded: Vec<usize> = sets
+            .iter()
+            .enumerate()
+            .filter(|(_, s)| !s.corners.is_empty())
+            .map(|(i, _)| i)
+            .collect();
+        // Three forces, the twist, the cap, then the sums of corners.
+        let rows = 5 + bounded.len();
+        let mut right_side = vec![0.0, 0.0, 1.0, 0.0, 1.0];
+        right_side.resize(rows, 1.0);
+        let (mut columns, mut owner) = (Vec::new(), Vec::new());
+        for (i, set) in sets.iter().enumerate() {
+            let p = (set.position - center) / size;
+            let mut add = |force: Vector3<f64>, corner: bool| {
+                let moment = p.cross(&force);
+                let mut rows = vec![0.0; rows];
+                rows[..4].copy_from_slice(&[force.x, force.y, force.z, moment.z]);
+                rows[4] = force.norm() / FORCE_CAP;
+                if corner {
+                    rows[5 + bounded.iter().position(|b| *b == i).unwrap_or(0)] = 1.0;
+                }
+                columns.push((rows, [-moment.y, moment.x]));
+                owner.push(i);
+            };
+            set.rays.iter().for_each(|ray| add(ray.normalize(), false));
+            set.corners.iter().for_each(|corner| add(corner / weight, true));
+        }
+        let mut left = vec![0.0; rows];
+        left[4] = 1.0;
+        columns.push((left, [0.0, 0.0]));
+        Balance { center, size, columns, owner, right_side }
+    }
+
+    fn program(&self) -> Tableau {
+        Tableau::new(&self.right_side, &self.columns)
+    }
+
+    /// Whether forces alone carry the weight, without a look at moments.
+    fn carries_the_weight(&self) -> bool {
+        let without_twist = |values: &Vec<f64>| {
+            let mut rows = values.clone();
+            rows.remove(3);
+            rows
+        };
+        let columns: Vec<_> =
+            self.columns.iter().map(|(rows, _)| (without_twist(rows), [0.0, 0.0])).collect();
+        Tableau::new(&without_twist(&self.right_side), &columns).find_feasible().is_ok()
+    }
+
+    /// In x and y of `g` (m).
+    fn place(&self, at: [f64; 2]) -> Point2<f64> {
+        self.center.xy() + nalgebra::Vector2::new(at[0], at[1]) * self.size
+    }
+}
+
+fn region_of(sets: &[&ForceSet], weight: f64) -> ForceRegion {
+    let balance = Balance::new(sets, weight);
+    let mut program = balance.program();
+    if program.find_feasible().is_err() {
+        let slides = !balance.carries_the_weight();
+        return ForceRegion::empty(if slides { Emptiness::Slides } else { Emptiness::Twists });
+    }
+    let outline = match program.clone().shadow() {
+        Ok(outline) => outline,
+        Err(_) => sampled(&program),
+    };
+    outlined(&balance, &outline)
+}
+
+/// Vertices in some directions: a region that is no larger than the true one.
+fn sampled(program: &Tableau) -> Vec<ShadowVertex> {
+    let mut program = program.clone();
+    (0..FALLBACK_DIRECTIONS)
+        .filter_map(|i| {
+            let angle = std::f64::consts::TAU * i as f64 / FALLBACK_DIRECTIONS as f64;
+            program.vertex_towards([angle.cos(), angle.sin()]).ok()
+        })
+        .collect()
+}
+
+fn outlined(balance: &Balance, outline: &[ShadowVertex]) -> ForceRegion {
+    let places: Vec<Point2<f64>> = outline.iter().map(|v| balance.place(v.at)).collect();
+    let cap = balance.owner.len();
+    let capped = outline.iter().any(|v| !v.loaded.contains(&cap));
+    let Some(area) = ConvexPolygon::hull(places.clone()) else {
+        let middle = Point2::from(
+            places.iter().map(|p| p.coords).sum::<nalgebra::Vector2<f64>>() / places.len() as f64,
+        );
+        let region = ConvexRegion::Point(middle);
+        return ForceRegion { region, emptiness: None, bearing: Vec::new(), capped };
+    };
+    let owners = |place: Point2<f64>| {
+        let at = places.iter().position(|p| *p == place).unwrap_or(0);
+        outline[at].loaded.iter().filter_map(|column| balance.owner.get(*column).copied())
+    };
+    let bearing = area
+        .edges()
+        .map(|(a, b)| {
+            let mut who: Vec<usize> = owners(a).chain(owners(b)).collect();
+            who.sort_unstable();
+            who.dedup();
+            who
+        })
+        .collect();
+    ForceRegion { region: ConvexRegion::Area(area), emptiness: None, bearing, capped }
+}
