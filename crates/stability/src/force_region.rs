@@ -21,6 +21,7 @@ use geometry::{ConvexPolygon, ConvexRegion};
 use nalgebra::{Point2, Point3, Unit, Vector3};
 
 use crate::contact::{self, ConeModel, Contact, ContactError};
+use crate::contact_forces::LegStatics;
 use crate::simplex::{ShadowVertex, Tableau};
 use crate::support_polygon::{self, HalfPlane, cut};
 
@@ -64,6 +65,70 @@ impl ForceSet {
     }
 }
 
+/// Forces within the linearized friction cone of a foot under which no joint of its leg is loaded
+/// beyond its limit (H12); `None` if there is none, for a leg too weak to hold its own links.
+///
+/// The set's corners are where three of its faces meet: sides of the cone, a joint at either limit,
+/// and the force along the normal at [`FORCE_CAP`] times `weight` (N), should no joint end it.
+pub fn within_torque(
+    contact: &Contact,
+    center: &Point3<f64>,
+    cone: ConeModel,
+    leg: &LegStatics,
+    weight: f64,
+) -> Option<ForceSet> {
+    let normal = contact.normal.into_inner();
+    // Faces as n · f ≥ -d, with n of length 1 and forces in weights.
+    let mut faces: Vec<(Vector3<f64>, f64)> = vec![(normal, 0.0), (-normal, FORCE_CAP)];
+    faces.extend(cone.half_spaces(contact, center).into_iter().map(|n| (n.normalize(), 0.0)));
+    for joint in 0..leg.own.len() {
+        let limit = leg.limits[joint] / weight;
+        if limit <= 0.0 {
+            continue;
+        }
+        let own = leg.own[joint] / weight;
+        let lever = Vector3::from_fn(|k, _| leg.per_force[k][joint]);
+        for sign in [1.0, -1.0] {
+            match (lever * -sign).try_normalize(1e-12) {
+                Some(n) => faces.push((n, (limit - sign * own) / lever.norm())),
+                None if limit < sign * own => return None,
+                None => {}
+            }
+        }
+    }
+    let corners = corners(&faces);
+    (!corners.is_empty()).then(|| ForceSet {
+        position: contact.position,
+        rays: Vec::new(),
+        corners: corners.into_iter().map(|f| f * weight).collect(),
+    })
+}
+
+/// The corners of the bounded set n · f ≥ -d over all faces (n, d).
+fn corners(faces: &[(Vector3<f64>, f64)]) -> Vec<Vector3<f64>> {
+    let mut corners: Vec<Vector3<f64>> = Vec::new();
+    for (i, (a, da)) in faces.iter().enumerate() {
+        for (j, (b, db)) in faces.iter().enumerate().skip(i + 1) {
+            let along = a.cross(b);
+            if along.norm_squared() < 1e-12 {
+                continue;
+            }
+            for (c, dc) in &faces[j + 1..] {
+                let volume = along.dot(c);
+                if volume.abs() < 1e-9 {
+                    continue;
+                }
+                let f = -(b.cross(c) * *da + c.cross(a) * *db + along * *dc) / volume;
+                let within = |(n, d): &(Vector3<f64>, f64)| n.dot(&f) >= -d - 1e-9;
+                if faces.iter().all(within) && corners.iter().all(|k| (k - f).norm() > 1e-9) {
+                    corners.push(f);
+                }
+            }
+        }
+    }
+    corners
+}
+
 /// Friction cones of all contacts of a stance.
 pub fn cones(contacts: &[Contact], cone: ConeModel) -> Result<Vec<ForceSet>, ContactError> {
     contact::check(contacts)?;
@@ -80,6 +145,8 @@ pub enum Emptiness {
     Slides,
     /// Forces that carry the weight would turn the rover about gravity.
     Twists,
+    /// A leg is too weak to hold its own links.
+    Overloaded,
     /// Nothing is left once any one contact is lost.
     NoneSurvives,
 }
@@ -99,7 +166,7 @@ pub struct ForceRegion {
 }
 
 impl ForceRegion {
-    fn empty(emptiness: Emptiness) -> ForceRegion {
+    pub(crate) fn empty(emptiness: Emptiness) -> ForceRegion {
         let region = ConvexRegion::Empty;
         ForceRegion { region, emptiness: Some(emptiness), bearing: Vec::new(), capped: false }
     }

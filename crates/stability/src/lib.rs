@@ -6,9 +6,15 @@
 //!
 //! - [`support_polygon`]: the regular and the conservative polygon (F39, F40), the margin (F41);
 //! - [`settlement`]: what is left of the margin when the ground gives way under one foot;
-//! - [`loads`]: the vertical forces on the feet, legs taken as equal springs;
+//! - [`force_region`]: where the center of mass may be with limited friction and torque (H7 to H12),
+//!   and what is left of it should any one contact be lost;
+//! - [`contact_forces`]: the smallest forces, those that spare the joints most, the slip margin;
+//! - [`energy`]: the work that it takes to tip the rover over (A28 to A32);
+//! - [`robust`]: margins with contacts that are not known exactly;
+//! - [`loads`]: the vertical forces on the feet, legs taken as springs;
 //! - [`torque`]: the joint torques that hold a posture, against their limits;
 //! - [`rule`]: all of these for one posture, and the verdict of the margin rule on them;
+//! - [`report`]: friction, forces, torque and energy of one posture;
 //! - [`guard`]: that rule over fixed contacts, prepared for asking it many times.
 
 pub mod contact;
@@ -17,6 +23,8 @@ pub mod energy;
 pub mod force_region;
 pub mod guard;
 pub mod loads;
+pub mod report;
+pub mod robust;
 pub mod rule;
 pub mod settlement;
 mod simplex;
@@ -27,6 +35,7 @@ pub use contact::{ConeBound, ConeModel, Contact, ContactError};
 pub use force_region::{ForceRegion, ForceSet};
 pub use guard::StanceGuard;
 pub use loads::{spring_share, spring_share_with_preload};
+pub use report::ForceReport;
 pub use rule::{Check, Preference, StanceReport, Verdict, assess, verdict};
 pub use settlement::Settlement;
 pub use support_polygon::{Margin, SupportError};

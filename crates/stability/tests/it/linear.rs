@@ -9,6 +9,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use stability::contact_forces::{LegStatics, least_norm, least_torque, slip_margin};
 use stability::force_region::{FORCE_CAP, cones, conservative, region};
+use stability::report::{forces, torque_region};
+use stability::robust::{self, Uncertainty};
 use stability::{ConeBound, ConeModel, Contact, ContactError, ForceSet, support_polygon, torque};
 
 use crate::{athlete, contacts, hexagon, loaded, on_plane};
@@ -554,4 +556,146 @@ fn least_torques_agree_with_a_linear_program_in_forces() {
     let outside = Point3::new(6.0, 0.0, 1.0);
     let none = least_torque(&statics, &ground, &outside, weight, ConeModel::default());
     assert_eq!(none, Ok(None));
+}
+
+/// Farthest center of mass (m) in direction (a, b) that friction and joint torques hold.
+fn torque_support(
+    legs: &[LegStatics],
+    ground: &[Contact],
+    weight: f64,
+    a: f64,
+    b: f64,
+) -> Option<f64> {
+    let mut problem = Problem::new(OptimizationDirection::Maximize);
+    let free = (f64::NEG_INFINITY, f64::INFINITY);
+    let (x, y) = (problem.add_var(a, free), problem.add_var(b, free));
+    let mut rows: [Vec<(Variable, f64)>; 6] = Default::default();
+    for (leg, contact) in legs.iter().zip(ground) {
+        let shares: Vec<(Variable, Vector3<f64>)> = edges(contact, ground, 8)
+            .into_iter()
+            .map(|f| (problem.add_var(0.0, (0.0, f64::INFINITY)), f))
+            .collect();
+        for (share, f) in &shares {
+            let moment = contact.position.coords.cross(f);
+            let wrench = [f.x, f.y, f.z, moment.x, moment.y, moment.z];
+            rows.iter_mut().zip(wrench).for_each(|(row, part)| row.push((*share, part)));
+        }
+        for joint in 0..leg.own.len() {
+            let limit = leg.limits[joint];
+            let row: Vec<(Variable, f64)> = shares
+                .iter()
+                .map(|(share, f)| (*share, (leg.torques(&(f * weight)) - leg.own)[joint] / limit))
+                .collect();
+            let own = leg.own[joint] / limit;
+            problem.add_constraint(&row, ComparisonOp::Le, 1.0 - own);
+            problem.add_constraint(&row, ComparisonOp::Ge, -1.0 - own);
+        }
+    }
+    rows[3].push((y, -1.0));
+    rows[4].push((x, 1.0));
+    for (row, sum) in rows.iter().zip([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]) {
+        problem.add_constraint(row, ComparisonOp::Eq, sum);
+    }
+    match problem.solve() {
+        Ok(outcome) => Some(outcome.into_solution().expect("no limit is set").objective()),
+        Err(Error::Infeasible) => None,
+        Err(other) => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn torque_regions_reach_as_far_as_a_dense_sweep_of_linear_programs_says() {
+    let mut rng = ChaCha8Rng::seed_from_u64(48);
+    let robot = loaded();
+    let (mut areas, mut empty, mut narrower) = (0, 0, 0);
+    for case in 0..24 {
+        let legs: &[usize] =
+            [&[0, 1, 2, 3, 4, 5][..], &[1, 2, 3, 4, 5], &[0, 2, 4], &[2, 3, 4, 5]][case % 4];
+        let pose = ["bent", "standing"][case / 4 % 2];
+        let gravity = [9.81, 3.71, 60.0][case / 8];
+        let (statics, mut ground, _, weight) = standing(&robot, pose, legs, gravity);
+        for c in &mut ground {
+            let tilt = Vector3::new(rng.random_range(-0.3..0.3), rng.random_range(-0.3..0.3), 1.0);
+            c.normal = Unit::new_normalize(tilt);
+        }
+        let cone = ConeModel::default();
+        let found = torque_region(&statics, &ground, weight, cone).unwrap();
+        let friction = region(&cones(&ground, cone).unwrap(), weight).unwrap();
+        for i in 0..72 {
+            let (b, a) = (TAU * f64::from(i) / 72.0 + 0.01).sin_cos();
+            let Some(expected) = torque_support(&statics, &ground, weight, a, b) else {
+                assert_eq!(found.region, ConvexRegion::Empty, "case {case}");
+                empty += 1;
+                break;
+            };
+            let reach = extent_of(&found.region, a, b);
+            assert!((reach - expected).abs() < 3e-6, "case {case}: {reach} {expected}");
+            narrower += usize::from(reach < extent_of(&friction.region, a, b) - 1e-3);
+        }
+        areas += usize::from(found.region.area().is_some());
+    }
+    assert!(areas > 12 && empty > 0 && narrower > 100, "{areas} {empty} {narrower}");
+}
+
+#[test]
+fn a_report_is_torque_safe_where_both_ways_to_share_the_load_are() {
+    // Planning notes: on Earth, four feet of which two neighbors are gone pass by the best forces
+    // (0.76) and fail by equal springs (1.24).
+    let report = |robot: &rover::Robot, pose, legs: &[usize]| {
+        let posture = on_plane(robot, pose);
+        let feet: Vec<_> = contacts(robot, &posture, legs)
+            .into_iter()
+            .map(|(leg, p)| (leg, Contact::level(p, 0.7)))
+            .collect();
+        forces(robot, &posture, &feet, 9.8, ConeModel::default()).unwrap()
+    };
+    let robot = athlete();
+    let gone = report(&robot, "standing", &[2, 3, 4, 5]);
+    assert!(gone.least_torque.as_ref().unwrap().ratio < 0.8 && !gone.is_torque_safe());
+    let six = report(&robot, "standing", &[0, 1, 2, 3, 4, 5]);
+    assert!(six.is_torque_safe(), "{six:?}");
+    assert!(six.slip_margin.unwrap() > 0.69 && six.energy.is_ok());
+    assert!(six.torque.margin(&six.com).unwrap() > 0.0);
+}
+
+#[test]
+fn robust_margins_hold_for_every_contact_within_the_uncertainty() {
+    let mut rng = ChaCha8Rng::seed_from_u64(49);
+    let cone = ConeModel { edges: 16, bound: ConeBound::Inner };
+    let (mut held, mut refused) = (0, 0);
+    for _ in 0..30 {
+        let contacts = stance(&mut rng);
+        let com = Point3::new(0.1, 0.0, 1.0);
+        let doubt = Uncertainty { height_m: 0.05, normal_rad: 0.05, friction: 0.05 };
+        let least = robust::margins(&contacts, &com, &doubt, cone).unwrap();
+        let Some(friction_m) = least.friction_m else {
+            refused += 1;
+            continue;
+        };
+        held += 1;
+        for _ in 0..20 {
+            let mut share = |size: f64| size * rng.random_range(-1.0..1.0);
+            let varied: Vec<Contact> = contacts
+                .iter()
+                .map(|c| {
+                    let across = c.normal.cross(&Vector3::new(share(1.0), share(1.0), share(1.0)));
+                    let turn = UnitQuaternion::new(across.normalize() * share(0.05));
+                    Contact {
+                        position: c.position + Vector3::z() * share(0.05),
+                        normal: turn * c.normal,
+                        friction: (c.friction + share(0.05)).max(0.0),
+                    }
+                })
+                .collect();
+            // Against outer cones, for the linearized ones turn with the normal.
+            let outer = ConeModel { edges: 16, bound: ConeBound::Outer };
+            let real = region(&cones(&varied, outer).unwrap(), 1.0).unwrap();
+            let margin = real.margin(&com).unwrap();
+            assert!(margin >= friction_m - 1e-6, "{margin} {friction_m}");
+            let feet: Vec<Point3<f64>> = varied.iter().map(|c| c.position).collect();
+            let energy = stability::energy::margin(&feet, &com).unwrap().height_m;
+            assert!(energy >= least.energy_m.unwrap() - 5e-3, "{energy} {least:?}");
+        }
+    }
+    assert!(held > 8 && refused > 3, "{held} {refused}");
 }

@@ -3,6 +3,7 @@
 use nalgebra::{Isometry3, Point3, Vector3};
 use rover::{Configuration, LegId, Payload, Posture, Robot};
 
+mod compliance;
 mod degenerate;
 mod energy;
 mod guard;
