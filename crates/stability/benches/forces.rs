@@ -56,7 +56,7 @@ fn reach_by_stock_solver(edges: &[Edge], a: f64, b: f64) -> f64 {
     for (row, sum) in rows.iter().zip([0.0, 0.0, 1.0, 0.0]) {
         problem.add_constraint(row, ComparisonOp::Eq, sum);
     }
-    problem.solve().ok().and_then(|o| o.into_solution()).map_or(f64::NAN, |s| s.objective())
+    problem.solve().ok().and_then(|o| o.into_solution().ok()).map_or(f64::NAN, |s| s.objective())
 }
 
 fn torque_by_stock_solver(
@@ -92,7 +92,7 @@ fn torque_by_stock_solver(
     for (row, sum) in rows.iter().zip([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]) {
         problem.add_constraint(row, ComparisonOp::Eq, sum);
     }
-    problem.solve().ok().and_then(|o| o.into_solution()).map_or(f64::NAN, |s| s.objective())
+    problem.solve().ok().and_then(|o| o.into_solution().ok()).map_or(f64::NAN, |s| s.objective())
 }
 
 fn polygons(c: &mut Criterion) {
