@@ -218,7 +218,7 @@ impl Shift<'_> {
         let contacts = self.staying.contacts();
         let regular = support_polygon::regular(contacts).ok()?;
         let conservative = match self.request.preference {
-            Preference::Regular => None,
+            Preference::Regular | Preference::Friction => None,
             Preference::Conservative => support_polygon::conservative(contacts).ok(),
         };
         let area = conservative.as_ref().and_then(|region| region.area());
@@ -298,7 +298,7 @@ impl Shift<'_> {
         }
         if let Some((goal, depth)) = self.goal_of_com() {
             let rule = match self.request.preference {
-                Preference::Regular => robot.stance().margin,
+                Preference::Regular | Preference::Friction => robot.stance().margin,
                 Preference::Conservative => 0.0,
             };
             if depth - rule < self.request.wanted_spare {

@@ -276,7 +276,9 @@ impl<'a> Look<'a> {
         if !verdict.ok {
             let reason = match verdict.check {
                 Check::Settlement => Reason::Settlement,
-                Check::Support | Check::Regular | Check::Conservative => Reason::Margin,
+                Check::Support | Check::Regular | Check::Conservative | Check::Friction => {
+                    Reason::Margin
+                }
             };
             let missing = verdict.shortfall_m.unwrap_or(f64::NAN);
             return (0, with_margin(Cell::new(CellClass::Unstable, reason, missing)));

@@ -2,14 +2,17 @@
 //! the same functions, so both give the same JSON. What is computed is in the domain crates; here
 //! it is looked up, called and put into the words of the wire.
 
+mod derived;
 mod kinematics;
 mod plan;
 mod reachability;
+mod regions;
 mod stability;
 mod traversability;
 
+pub use derived::{Site, derive};
 pub use kinematics::{inverse_kinematics, kinematics};
 pub use plan::{OnProgress, Planned, plan, state_hash};
 pub use reachability::{Reached, reachability, reachability_answer};
-pub use stability::{derive, stability};
+pub use stability::stability;
 pub use traversability::{Judged, traversability};

@@ -13,7 +13,7 @@ use wire::resources::{LatestFrame, LegModel, RoverAnswer, RoverModel};
 use wire::scene::Payload;
 use wire::time::Timestamp;
 
-use crate::analyses;
+use crate::analyses::{self, Site};
 use crate::error::ApiError;
 use crate::scene::LiveScene;
 use crate::terrain_store::TerrainStore;
@@ -49,8 +49,8 @@ pub struct LiveParts {
 }
 
 /// What the ground computes from each frame of this robot.
-pub fn derive_for(robot: Arc<Robot>, gravity: f64) -> Derive {
-    Box::new(move |frame: &RoverTelemetry| analyses::derive(&robot, gravity, frame))
+pub fn derive_for(robot: Arc<Robot>, site: Site) -> Derive {
+    Box::new(move |frame: &RoverTelemetry| analyses::derive(&robot, &site, frame))
 }
 
 impl Live {

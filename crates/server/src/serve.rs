@@ -24,6 +24,7 @@ use wire::live::{
 };
 use wire::scene::Scene as WireScene;
 
+use crate::analyses::Site;
 use crate::app::{App, AppState};
 use crate::config::Config;
 use crate::gate::Gate;
@@ -255,7 +256,8 @@ fn live(
     let (heading, pose) = (config.rover.heading_rad, &config.rover.pose);
     let (rover, settled) = world::seat(&robot, map, gravity, place_m, heading, pose)?;
     let recorder = recorder(config, now, hash_text(robot.hash()), map)?;
-    let derive = derive_for(robot.clone(), gravity);
+    let friction = config.terrain.friction;
+    let derive = derive_for(robot.clone(), Site { gravity, friction });
     let adapter = Box::new(SimAdapter::new(now, rover));
     let mut ground =
         Ground::new(now, adapter, config.link, recorder, Bus::new(BUS_CAPACITY), derive)
@@ -271,7 +273,6 @@ fn live(
         notice.source, settled.moved_m, settled.margin_m
     );
     ground.notice(now, EventLevel::Info, "server", &text);
-    let friction = config.terrain.friction;
     Ok(Live::new(LiveParts { ground, clock, robot, payloads, gravity, friction }))
 }
 

@@ -74,7 +74,7 @@ pub struct StanceGuard {
     always: Vec<Plane>,
     /// Edges to turn about, by settling foot; feet without such edges are left out.
     feet: Vec<Vec<Edge>>,
-    /// The conservative region, where it is a point and nothing can be met.
+    /// A region that is a point, where nothing can be met.
     point: Option<Point2<f64>>,
 }
 
@@ -112,6 +112,20 @@ impl StanceGuard {
             guard.add_settlement(&hull, settling, settlement);
         }
         Some(guard)
+    }
+
+    /// The same rule, which also asks that the center of mass is `margin` (m) or deeper within
+    /// `region`, that of these contacts' friction.
+    #[must_use]
+    pub fn within(mut self, region: &ConvexRegion, margin: f64) -> StanceGuard {
+        match region {
+            ConvexRegion::Area(area) => {
+                self.always.extend(planes_of(area, &Isometry3::identity(), margin.max(0.0)));
+            }
+            ConvexRegion::Point(point) => self.point = Some(*point),
+            ConvexRegion::Empty => self.always.push(Plane::NEVER),
+        }
+        self
     }
 
     fn add_settlement(&mut self, hull: &ConvexPolygon, settling: usize, settlement: f64) {

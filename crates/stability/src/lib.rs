@@ -36,7 +36,7 @@ pub use force_region::{ForceRegion, ForceSet};
 pub use guard::StanceGuard;
 pub use loads::{spring_share, spring_share_with_preload};
 pub use report::ForceReport;
-pub use rule::{Check, Preference, StanceReport, Verdict, assess, verdict};
+pub use rule::{Check, Preference, StanceReport, Verdict, assess, assess_with_friction, verdict};
 pub use settlement::Settlement;
 pub use support_polygon::{Margin, SupportError};
 pub use torque::TorqueReport;

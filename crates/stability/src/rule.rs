@@ -11,6 +11,8 @@ use geometry::{ConvexPolygon, ConvexRegion};
 use nalgebra::{Point3, Vector3};
 use rover::{LegId, Posture, Robot, StanceRules, Wrench};
 
+use crate::contact::{ConeModel, Contact, ContactError};
+use crate::force_region::{self, Emptiness, ForceRegion};
 use crate::support_polygon::{self, Margin, SupportError};
 use crate::torque::{self, TorqueReport};
 use crate::{loads, settlement};
@@ -23,6 +25,8 @@ pub enum Preference {
     Regular,
     /// Beside these, the full loss of any one standing leg.
     Conservative,
+    /// Beside these, m1 also in the region that friction holds (H9).
+    Friction,
 }
 
 /// The regular support polygon with its margin.
@@ -70,6 +74,8 @@ pub struct StanceReport {
     pub regular: Result<RegularSupport, SupportError>,
     /// The conservative region; `None` if there is no regular polygon.
     pub conservative: Option<ConservativeSupport>,
+    /// Where friction holds the center of mass; `None` where it was not asked for.
+    pub friction: Option<ForceRegion>,
     /// The worst settlement of one foot by the robot's s; `None` if there is no regular polygon.
     pub settlement: Option<LegSettlement>,
     /// Vertical force on each standing wheel (N), legs as equal springs; `None` if the center of
@@ -119,10 +125,27 @@ pub fn assess(
         com,
         regular,
         conservative,
+        friction: None,
         settlement,
         loads_n,
         torque,
     }
+}
+
+/// As [`assess`], with the region that these contacts' friction holds.
+///
+/// Errors: contacts that cannot be worked with, see [`ContactError`].
+pub fn assess_with_friction(
+    robot: &Robot,
+    posture: &Posture,
+    standing: &[(LegId, Contact)],
+    gravity: f64,
+    cone: ConeModel,
+) -> Result<StanceReport, ContactError> {
+    let points: Vec<_> = standing.iter().map(|(leg, c)| (*leg, c.position)).collect();
+    let contacts: Vec<Contact> = standing.iter().map(|(_, c)| *c).collect();
+    let friction = force_region::region(&force_region::cones(&contacts, cone)?, 1.0)?;
+    Ok(StanceReport { friction: Some(friction), ..assess(robot, posture, &points, gravity) })
 }
 
 /// The parts of the margin rule, in the order in which they are asked.
@@ -136,6 +159,8 @@ pub enum Check {
     Settlement,
     /// The conservative margin is zero or more.
     Conservative,
+    /// The margin in the friction region is m1 or more.
+    Friction,
 }
 
 /// Whether a posture may be held, and why.
@@ -172,6 +197,9 @@ pub fn verdict(report: &StanceReport, rules: &StanceRules, preference: Preferenc
     checks.extend(report.settlement.map(|worst| on_settlement(worst, rules.settlement)));
     if preference == Preference::Conservative {
         checks.extend(report.conservative.as_ref().map(on_conservative));
+    }
+    if preference == Preference::Friction {
+        checks.push(on_friction(report, rules.margin));
     }
     if let Some(failed) = checks.iter().position(|verdict| !verdict.ok) {
         return checks.swap_remove(failed);
@@ -263,6 +291,53 @@ fn on_conservative(conservative: &ConservativeSupport) -> Verdict {
                           region is empty"
                 .into(),
         },
+    }
+}
+
+fn on_friction(report: &StanceReport, required_m: f64) -> Verdict {
+    let check = Check::Friction;
+    let refused = |text: &str| Verdict {
+        ok: false,
+        check,
+        margin_m: None,
+        required_m,
+        shortfall_m: None,
+        best_m: None,
+        explanation: text.into(),
+    };
+    let Some(friction) = &report.friction else {
+        return refused("friction and normals of the contacts are not known");
+    };
+    match (friction.margin(&report.com), friction.region.area()) {
+        (Some(margin_m), Some(area)) => {
+            let who: Vec<String> = friction
+                .critical(&report.com)
+                .iter()
+                .filter_map(|i| Some((report.standing.get(*i)?.0 + 1).to_string()))
+                .collect();
+            let text = format!(
+                "friction margin {margin_m:.2} m of {required_m:.2} m, borne by legs {}",
+                who.join("-")
+            );
+            let verdict = on_margin(check, margin_m, required_m, text);
+            if verdict.ok { verdict } else { with_best(verdict, area.deepest_point().1) }
+        }
+        (Some(margin_m), None) => Verdict {
+            ok: false,
+            best_m: Some(0.0),
+            ..on_margin(
+                check,
+                margin_m,
+                required_m,
+                "friction holds the center of mass in a single point only".into(),
+            )
+        },
+        (None, _) => refused(match friction.emptiness {
+            Some(Emptiness::Twists) => {
+                "no forces within friction keep the rover from turning about gravity"
+            }
+            _ => "the ground is too steep for its friction: no forces hold the rover",
+        }),
     }
 }
 

@@ -25,6 +25,8 @@ pub const TARGETS_MAX: usize = 10_000;
 pub const CASES_MAX: usize = 10_000;
 /// Most contacts of one case.
 pub const CONTACTS_MAX: usize = 64;
+/// Most tethers of one case.
+pub const TETHERS_MAX: usize = 8;
 /// Most obstacles of a scene.
 pub const OBSTACLES_MAX: usize = 1_000;
 /// Most triangles of all obstacles of a scene.

@@ -101,6 +101,70 @@ pub struct StabilityDerived {
     pub torque_joint: String,
     /// Torque / limit by leg, signed, from the hip outward.
     pub torque_ratios: BTreeMap<String, Vec<f64>>,
+    /// Friction, forces and energy; none where nothing stands, and in logs of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub forces: Option<ForcesDerived>,
+}
+
+/// What friction, joint torques and energy say of a stance.
+///
+/// Normals of the ground are those that the wheels show: from the contact to the wheel's center.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ForcesDerived {
+    /// Coefficient of friction taken for all contacts.
+    pub friction_coefficient: f64,
+    /// Where friction holds the center of mass.
+    pub friction: RegionAnswer,
+    /// What is left of it should any one foot be lost.
+    pub friction_conservative: RegionAnswer,
+    /// Where friction and joint torques hold it, at the present joint angles.
+    pub torque: RegionAnswer,
+    /// How much the friction may fall before the rover slips; negative: how much is missing. None if
+    /// no friction would do.
+    pub slip_margin: Option<f64>,
+    /// By how much the center of mass must rise to tip over the weakest edge (m); none without a
+    /// support polygon.
+    pub energy_margin_m: Option<f64>,
+    /// The same as work (J).
+    pub energy_margin_j: Option<f64>,
+    /// The two feet of that edge.
+    pub energy_edge: Option<[String; 2]>,
+    /// Smallest forces of the ground that hold the stance (N); none if none do.
+    pub contact_forces_n: Option<BTreeMap<String, [f64; 3]>>,
+    /// Largest |torque| / limit with the forces that spare the joints most; none if none hold.
+    pub least_torque_ratio: Option<f64>,
+    /// The joint that has it.
+    pub least_torque_joint: Option<String>,
+    /// Vertical load of each foot (N) of a compliant rover: least, expected, most within the errors
+    /// of stiffness and touch-down height. None if it tips.
+    pub load_share_n: Option<BTreeMap<String, [f64; 3]>>,
+    /// Largest |torque| / limit within these loads.
+    pub load_torque_ratio: Option<f64>,
+    /// The joint that has it.
+    pub load_torque_joint: Option<String>,
+    /// True if the best forces, the loads within their errors, and lifted legs leave all joints
+    /// within their limits.
+    pub torque_safe: bool,
+    /// Where the measured forces on the wheels act together, `[x, y]` (m); none if nothing bears.
+    pub center_of_force_m: Option<[f64; 2]>,
+}
+
+/// A region of centers of mass, or why there is none.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RegionAnswer {
+    /// `area`, `point` or `empty`.
+    pub kind: RegionKind,
+    /// The region; none if it is empty. `critical` names the feet that bear at the nearest edge.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub region: Option<PolygonAnswer>,
+    /// Why it is empty.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub why_empty: Option<String>,
+    /// True if it reaches so far only because feet push against each other with 100 times the weight.
+    #[serde(default)]
+    pub capped: bool,
 }
 
 /// What a region is.

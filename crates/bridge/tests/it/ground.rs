@@ -39,6 +39,7 @@ fn derive(frame: &RoverTelemetry) -> Option<StabilityDerived> {
         torque_ratio: 0.5,
         torque_joint: "leg1".into(),
         torque_ratios: Default::default(),
+        forces: None,
     })
 }
 
