@@ -13,6 +13,6 @@ mod traversability;
 pub use derived::{Site, derive};
 pub use kinematics::{inverse_kinematics, kinematics};
 pub use plan::{OnProgress, Planned, plan, state_hash};
-pub use reachability::{Reached, reachability, reachability_answer};
+pub use reachability::{Reached, preference, reachability, reachability_answer};
 pub use stability::stability;
 pub use traversability::{Judged, traversability};

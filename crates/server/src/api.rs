@@ -57,6 +57,7 @@ const BODY_PAUSE: Duration = Duration::from_secs(20);
         wire::live::TerrainNotice,
         wire::live::JobReport,
         wire::live::EventNotice,
+        wire::live::ReachSummary,
     ))
 )]
 struct Document;

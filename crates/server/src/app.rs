@@ -10,6 +10,7 @@ use crate::error::ApiError;
 use crate::gate::Gate;
 use crate::jobs::Jobs;
 use crate::live::Live;
+use crate::live_reach::LiveReach;
 use crate::plans::Plans;
 use crate::replays::Replays;
 use crate::robots::Robots;
@@ -34,6 +35,8 @@ pub struct App {
     pub store: Arc<TerrainStore>,
     /// The live rover.
     pub live: Live,
+    /// Where its legs can stand.
+    pub reach: LiveReach,
     /// Long work.
     pub jobs: Jobs,
     /// Plans of the live rover.

@@ -34,6 +34,7 @@ pub const CODES: &[(&str, u16, &str)] = &[
     ("robot_invalid", 422, "a robot folder that cannot be used"),
     ("payload_invalid", 422, "a payload with a mass, place or size that cannot be"),
     ("obstacle_invalid", 422, "an obstacle that is no closed solid"),
+    ("contacts_invalid", 422, "contacts of which no region can be computed"),
     ("target_ambiguous", 422, "not exactly one of the ways to give a target"),
     ("terrain_ambiguous", 422, "not exactly one of the ways to give a ground"),
     ("recipe_unknown", 422, "a recipe of synthetic ground that is not there"),
@@ -71,6 +72,7 @@ pub const CODES: &[(&str, u16, &str)] = &[
     ("replay_unknown", 404, "no such replay"),
     ("rate_invalid", 422, "a speed of replay out of range"),
     ("channel_unknown", 422, "no such channel"),
+    ("not_ready", 404, "something that is still being computed"),
     // what the state does not allow
     ("no_state", 409, "no telemetry has come yet"),
     ("basis_changed", 409, "the plan's basis (state, map or model) no longer holds; plan anew"),

@@ -17,6 +17,7 @@ pub mod gate;
 mod import;
 pub mod jobs;
 pub mod live;
+pub mod live_reach;
 pub mod plans;
 pub mod replays;
 pub mod robots;

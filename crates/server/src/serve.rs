@@ -19,8 +19,8 @@ use tokio::sync::{Semaphore, watch};
 use utoipa::PartialSchema;
 use wire::check::{At, RequestError};
 use wire::live::{
-    CommandEvent, EventLevel, EventNotice, JobReport, LinkReport, RoverTelemetry, StabilityDerived,
-    TerrainNotice, Uplink, channel,
+    CommandEvent, EventLevel, EventNotice, JobReport, LinkReport, ReachSummary, RoverTelemetry,
+    StabilityDerived, TerrainNotice, Uplink, channel,
 };
 use wire::scene::Scene as WireScene;
 
@@ -30,6 +30,7 @@ use crate::config::Config;
 use crate::gate::Gate;
 use crate::jobs::Jobs;
 use crate::live::{Live, LiveParts, derive_for, hash_text};
+use crate::live_reach::{self, LiveReach};
 use crate::plans::Plans;
 use crate::replays::Replays;
 use crate::robots::Robots;
@@ -108,6 +109,7 @@ pub struct Server {
     /// Everything that the routes share.
     pub app: AppState,
     driver: tokio::task::JoinHandle<()>,
+    reach: tokio::task::JoinHandle<()>,
     closing: watch::Sender<bool>,
 }
 
@@ -179,10 +181,12 @@ impl Server {
             terrains,
             store,
             live,
+            reach: LiveReach::default(),
             jobs,
             closing: closed,
         });
-        Ok(Server { app, driver, closing })
+        let reach = tokio::spawn(live_reach::run(app.clone()));
+        Ok(Server { app, driver, reach, closing })
     }
 
     /// Serves until `end` completes; then lets go of everybody and finishes the flight log.
@@ -206,6 +210,7 @@ impl Server {
     /// Ends the session: the flight log gets its end and is synced.
     pub async fn finish(self) {
         self.driver.abort();
+        self.reach.abort();
         let ground = self.app.live.ground.clone();
         let clock = self.app.clock.clone();
         let finish = move || {
@@ -323,6 +328,7 @@ pub fn schemas() -> Vec<ChannelSchema> {
     vec![
         of!(channel::ROVER_STATE, RoverTelemetry),
         of!(channel::ROVER_STABILITY, StabilityDerived),
+        of!(channel::ROVER_REACH, ReachSummary),
         of!(channel::COMMAND_UPLINK, Uplink),
         of!(channel::COMMAND_EVENT, CommandEvent),
         of!(channel::LINK, LinkReport),

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use crate::analysis::StabilityPreference;
 use crate::scene::{Pose, RoverState};
 use crate::time::Timestamp;
 
@@ -26,9 +27,20 @@ pub mod channel {
     pub const JOB: &str = "job/progress";
     /// [`super::EventNotice`]: what operators and the server did or met.
     pub const EVENT: &str = "event";
+    /// [`super::ReachSummary`]: how far the live reachability of all legs is, on each change.
+    pub const ROVER_REACH: &str = "rover/reachability";
     /// All channels, in a fixed order.
-    pub const ALL: [&str; 8] =
-        [ROVER_STATE, ROVER_STABILITY, COMMAND_UPLINK, COMMAND_EVENT, LINK, TERRAIN, JOB, EVENT];
+    pub const ALL: [&str; 9] = [
+        ROVER_STATE,
+        ROVER_STABILITY,
+        COMMAND_UPLINK,
+        COMMAND_EVENT,
+        LINK,
+        TERRAIN,
+        JOB,
+        EVENT,
+        ROVER_REACH,
+    ];
 }
 
 /// What the rover is doing.
@@ -148,6 +160,33 @@ pub struct ForcesDerived {
     pub torque_safe: bool,
     /// Where the measured forces on the wheels act together, `[x, y]` (m); none if nothing bears.
     pub center_of_force_m: Option<[f64; 2]>,
+}
+
+/// Where the legs of the live rover can stand, in short.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ReachSummary {
+    /// What it was computed for: another text means another stance, map or preference.
+    pub basis: String,
+    /// What must hold while a leg is up.
+    pub stability: StabilityPreference,
+    /// Each leg that is done, by its name; those that are missing are still computed.
+    pub legs: BTreeMap<String, LegReach>,
+    /// Share of the legs done, 0 to 1.
+    pub progress: f64,
+    /// Why nothing is computed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub failure: Option<String>,
+}
+
+/// How many cells of a leg are of each class.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LegReach {
+    /// By the names of the classes.
+    pub cells: BTreeMap<String, u32>,
+    /// Distance between cells (m).
+    pub resolution_m: f64,
 }
 
 /// A region of centers of mass, or why there is none.

@@ -144,7 +144,7 @@ fn of_case(
         Err(error) => return Ok(nothing(&error.to_string())),
     };
     let refused =
-        |error: ContactError| RequestError::at("bad_contacts", at, format_args!("{error}"));
+        |error: ContactError| RequestError::at("contacts_invalid", at, format_args!("{error}"));
     let weight = case.weight.unwrap_or(1.0);
     let friction = force_region::region(&sets, weight).map_err(refused)?;
     let lossy = force_region::conservative(&sets, weight).map_err(refused)?;
@@ -258,7 +258,7 @@ fn torques(
         return Ok(None);
     }
     let refused =
-        |error: ContactError| RequestError::at("bad_contacts", &at, format_args!("{error}"));
+        |error: ContactError| RequestError::at("contacts_invalid", &at, format_args!("{error}"));
     let region =
         report::torque_region(&legs, &case.contacts, weight, case.cone).map_err(refused)?;
     let named = |i: usize| request.contacts[i].leg.clone().unwrap_or_default();
@@ -346,7 +346,7 @@ fn robust_answer(
     let friction = check::within(&at.field("friction"), uncertainty.friction, [0.0, 10.0], "")?;
     let uncertainty = Uncertainty { height_m, normal_rad, friction };
     let least = robust::margins(&case.contacts, &case.com, &uncertainty, case.cone)
-        .map_err(|error| RequestError::at("bad_contacts", &at, format_args!("{error}")))?;
+        .map_err(|error| RequestError::at("contacts_invalid", &at, format_args!("{error}")))?;
     Ok(Some(RobustAnswer { friction_margin_m: least.friction_m, energy_margin_m: least.energy_m }))
 }
 

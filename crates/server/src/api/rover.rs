@@ -8,10 +8,12 @@ use axum::http::header;
 use axum::response::{IntoResponse, Response};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
+use wire::analysis::LiveReachRequest;
 use wire::check::At;
-use wire::live::{LinkConfig, LinkReport};
+use wire::live::{LinkConfig, LinkReport, ReachSummary};
 use wire::resources::{ErrorBody, EstopAnswer, EstopReleaseRequest, RoverAnswer};
 
+use crate::analyses;
 use crate::app::AppState;
 use crate::body::{Body, Operator, OptionalBody, Path};
 use crate::error::ApiError;
@@ -24,6 +26,8 @@ pub fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(estop))
         .routes(routes!(estop_release))
         .routes(routes!(urdf))
+        .routes(routes!(live_reach, put_live_reach))
+        .routes(routes!(leg_reach))
 }
 
 pub fn stream_routes() -> OpenApiRouter<AppState> {
@@ -80,6 +84,56 @@ async fn estop_release(
 ) -> Result<Json<EstopAnswer>, ApiError> {
     let (mut ground, now) = app.live.locked();
     Ok(Json(ground.estop_release(now, &who, request.token.as_deref())?))
+}
+
+/// Where the legs of the live rover can stand, in short: kept up to date in the background.
+#[utoipa::path(
+    get, path = "/rover/reachability", tag = "rover",
+    responses((status = 200, body = ReachSummary))
+)]
+async fn live_reach(State(app): State<AppState>) -> Json<ReachSummary> {
+    Json(app.reach.summary())
+}
+
+/// For which preference it is kept up to date, for everybody.
+#[utoipa::path(
+    put, path = "/rover/reachability", tag = "rover", request_body = LiveReachRequest,
+    responses((status = 200, body = ReachSummary), (status = 422, body = ErrorBody))
+)]
+async fn put_live_reach(
+    State(app): State<AppState>,
+    Body(request): Body<LiveReachRequest>,
+) -> Result<Json<ReachSummary>, ApiError> {
+    analyses::preference(&At::root("stability"), request.stability)?;
+    app.reach.prefer(request.stability);
+    Ok(Json(app.reach.summary()))
+}
+
+/// The cells of one leg in binary, as of `POST /analysis/reachability`; the ETag names stance, map
+/// and preference. 404 while they are computed.
+#[utoipa::path(
+    get, path = "/rover/reachability/{leg}", tag = "rover",
+    params(("leg" = String, Path, description = "Name of the leg")),
+    responses(
+        (status = 200, body = Vec<u8>, content_type = "application/octet-stream"),
+        (status = 404, body = ErrorBody)
+    )
+)]
+async fn leg_reach(
+    State(app): State<AppState>,
+    Path(leg): Path<String>,
+) -> Result<Response, ApiError> {
+    let Some((basis, cells)) = app.reach.cells(&leg) else {
+        let leg: String = leg.chars().take(64).collect();
+        let text = format!("the reachability of {leg:?} is not known yet, or it is no leg");
+        return Err(ApiError::new("not_ready", text));
+    };
+    let headers = [
+        (header::CONTENT_TYPE, "application/octet-stream".to_owned()),
+        (header::ETAG, format!("\"{basis}\"")),
+        (header::CACHE_CONTROL, "no-cache".to_owned()),
+    ];
+    Ok((headers, cells.to_binary()).into_response())
 }
 
 /// The URDF of a robot, at the scale of its folder.

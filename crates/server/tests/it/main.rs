@@ -11,5 +11,6 @@ mod job;
 mod real_terrain;
 mod routes;
 mod soak;
+mod stability;
 mod stream;
 mod support;

@@ -31,7 +31,7 @@ pub const REACH_REASONS: [&str; 13] = [
 ];
 
 /// `POST /analysis/reachability`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ReachabilityRequest {
     /// Robot, ground, obstacles, state.
@@ -69,6 +69,14 @@ pub enum StabilityPreference {
     Conservative,
     /// The friction polygon's margin: not supported by this version.
     Friction,
+}
+
+/// `PUT /rover/reachability`: for which preference it is kept up to date.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LiveReachRequest {
+    /// What must hold while a leg is up.
+    pub stability: StabilityPreference,
 }
 
 /// Answer to [`ReachabilityRequest`].

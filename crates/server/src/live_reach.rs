@@ -1,0 +1,186 @@
+//! Where the legs of the live rover can stand, kept up to date in the background.
+//!
+//! A change of stance, map or preference makes what is known outdated; once the rover has been still
+//! for a moment the legs are computed anew, one after the other, by one thread beside the gate of
+//! the analyses, so that no request waits for it. A change meanwhile ends the work and begins it
+//! again: what is kept always belongs to one basis.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use wire::analysis::{REACH_CLASSES, ReachabilityCells, ReachabilityRequest, StabilityPreference};
+use wire::live::{LegReach, ReachSummary, RoverMode, channel};
+
+use crate::analyses;
+use crate::app::AppState;
+use crate::stop::Stop;
+
+/// Time between looks at the stance; a stance is still if it is the same in two.
+const LOOK: Duration = Duration::from_millis(250);
+/// Longest time for all legs (s).
+const DEADLINE_S: f64 = 600.0;
+
+/// What is known.
+#[derive(Default)]
+pub struct LiveReach {
+    state: Mutex<State>,
+}
+
+#[derive(Default)]
+struct State {
+    preference: StabilityPreference,
+    basis: String,
+    legs: BTreeMap<String, Arc<ReachabilityCells>>,
+    n_legs: usize,
+    failure: Option<String>,
+}
+
+impl LiveReach {
+    fn locked(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What must hold while a leg is up, from now on.
+    pub fn prefer(&self, preference: StabilityPreference) {
+        self.locked().preference = preference;
+    }
+
+    /// In short.
+    pub fn summary(&self) -> ReachSummary {
+        let state = self.locked();
+        let short = |cells: &Arc<ReachabilityCells>| LegReach {
+            cells: counts(cells),
+            resolution_m: cells.resolution_m,
+        };
+        let legs: BTreeMap<String, LegReach> =
+            state.legs.iter().map(|(name, cells)| (name.clone(), short(cells))).collect();
+        ReachSummary {
+            basis: state.basis.clone(),
+            stability: state.preference,
+            progress: legs.len() as f64 / state.n_legs.max(1) as f64,
+            legs,
+            failure: state.failure.clone(),
+        }
+    }
+
+    /// The cells of a leg with their basis; `None` while they are not known.
+    pub fn cells(&self, leg: &str) -> Option<(String, Arc<ReachabilityCells>)> {
+        let state = self.locked();
+        Some((state.basis.clone(), state.legs.get(leg)?.clone()))
+    }
+
+    /// Begins anew for this basis.
+    fn begin(&self, basis: &str, n_legs: usize) {
+        let mut state = self.locked();
+        (state.basis, state.n_legs) = (basis.into(), n_legs);
+        state.legs.clear();
+        state.failure = None;
+    }
+
+    /// Keeps a leg, unless another basis has begun meanwhile.
+    fn keep(&self, basis: &str, leg: &str, cells: ReachabilityCells) {
+        let mut state = self.locked();
+        if state.basis == basis {
+            state.legs.insert(leg.into(), Arc::new(cells));
+        }
+    }
+
+    fn fail(&self, why: String) {
+        self.locked().failure = Some(why);
+    }
+}
+
+fn counts(cells: &ReachabilityCells) -> BTreeMap<String, u32> {
+    let mut counts = [0_u32; REACH_CLASSES.len()];
+    for class in &cells.class {
+        if let Some(count) = counts.get_mut(usize::from(*class)) {
+            *count += 1;
+        }
+    }
+    REACH_CLASSES.iter().zip(counts).map(|(name, count)| ((*name).into(), count)).collect()
+}
+
+/// Keeps [`LiveReach`] up to date until the server ends.
+pub async fn run(app: AppState) {
+    let mut closing = app.closing.clone();
+    let (mut seen, mut done) = (None, None);
+    loop {
+        tokio::select! {
+            _ = closing.wait_for(|closing| *closing) => return,
+            () = tokio::time::sleep(LOOK) => {}
+        }
+        let basis = basis(&app);
+        let is_still = basis == seen;
+        seen.clone_from(&basis);
+        if basis.is_none() || !is_still || basis == done {
+            continue;
+        }
+        if let Some(basis) = &basis {
+            compute(&app, basis).await;
+        }
+        done = basis;
+    }
+}
+
+/// Names stance, map and preference; `None` while there is no stance, or the rover moves.
+fn basis(app: &AppState) -> Option<String> {
+    let latest = app.live.latest().ok()?;
+    if latest.frame.mode == RoverMode::Executing {
+        return None;
+    }
+    let configuration = app.live.configuration().ok()?;
+    let state = analyses::state_hash(&configuration);
+    let map = app.store.current().info.version.clone();
+    let preference = app.reach.locked().preference;
+    Some(format!("{state}-{map}-{preference:?}"))
+}
+
+async fn compute(app: &AppState, basis_of_work: &str) {
+    let names: Vec<String> = app.live.robot().legs().iter().map(|leg| leg.name.clone()).collect();
+    app.reach.begin(basis_of_work, names.len());
+    tell(app);
+    let Ok(stop) = Stop::after(Some(DEADLINE_S)) else { return };
+    let guard = stop.guard();
+    for name in names {
+        let (context, stop) = (app.context(), stop.clone());
+        let request = ReachabilityRequest {
+            legs: Some(vec![name.clone()]),
+            stability: app.reach.locked().preference,
+            ..ReachabilityRequest::default()
+        };
+        let work = move || analyses::reachability(&context, &request, 1, &stop);
+        let mut work = tokio::task::spawn_blocking(work);
+        let reached = loop {
+            tokio::select! {
+                reached = &mut work => break reached,
+                () = tokio::time::sleep(LOOK) => {
+                    // Another basis: dropping the guard ends the work.
+                    if *app.closing.borrow() || basis(app).as_deref() != Some(basis_of_work) {
+                        return;
+                    }
+                }
+            }
+        };
+        match reached {
+            Ok(Ok(reached)) => {
+                for (leg, cells) in reached {
+                    app.reach.keep(basis_of_work, &leg, cells);
+                }
+            }
+            Ok(Err(error)) => app.reach.fail(error.to_string()),
+            Err(error) => {
+                tracing::error!("the live reachability of {name} was not computed: {error}");
+                app.reach.fail("it was not computed; the log of the server says why".into());
+            }
+        }
+        tell(app);
+    }
+    drop(guard);
+}
+
+fn tell(app: &AppState) {
+    let summary = app.reach.summary();
+    let (mut ground, now) = app.live.locked();
+    ground.publish(now, channel::ROVER_REACH, &summary);
+}
