@@ -79,7 +79,8 @@ pub fn compliant_share(
     springs: &[LegSpring],
 ) -> Option<Vec<f64>> {
     let stiffest = springs.iter().map(|s| s.stiffness_n_m).fold(0.0, f64::max);
-    if springs.len() != contacts_in_g.len() || springs.iter().any(|s| !(s.stiffness_n_m > 0.0)) {
+    let all_push = springs.iter().all(|s| s.stiffness_n_m > 0.0);
+    if springs.len() != contacts_in_g.len() || !all_push {
         return None;
     }
     let relative =

@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use rover::{Configuration, LegId, Payload, Posture, Robot};
 
 mod compliance;
+mod contact_forces;
 mod degenerate;
 mod energy;
 mod guard;
@@ -11,7 +12,9 @@ mod linear;
 mod oracle;
 mod paper;
 mod properties;
+mod regions;
 mod rule;
+mod slopes;
 mod torque;
 
 /// The robot that ships.
