@@ -85,7 +85,9 @@ pub fn least_ratio(legs: &[LegStatics], ground: &[Contact], com: &Point3<f64>, w
     problem.solve().expect("it is feasible").into_solution().expect("no limit is set").objective()
 }
 
-/// Farthest center of mass (m) in direction (a, b) that friction and joint torques hold.
+/// Farthest center of mass (m) in direction (a, b) that friction and joint torques hold; `None` if
+/// joints must be overloaded. Overload is allowed at a price that nobody pays who need not, so that
+/// the solver need not prove that there is nothing.
 pub fn torque_support(
     legs: &[LegStatics],
     ground: &[Contact],
@@ -96,6 +98,7 @@ pub fn torque_support(
     let mut problem = Problem::new(OptimizationDirection::Maximize);
     let free = (f64::NEG_INFINITY, f64::INFINITY);
     let (x, y) = (problem.add_var(a, free), problem.add_var(b, free));
+    let overload = problem.add_var(-1000.0, (0.0, f64::INFINITY));
     let mut rows: [Vec<(Variable, f64)>; 6] = Default::default();
     for (leg, contact) in legs.iter().zip(ground) {
         let shares: Vec<(Variable, Vector3<f64>)> = edges(contact, ground, 8)
@@ -117,8 +120,10 @@ pub fn torque_support(
                 .collect();
             let own = leg.own[joint] / limit;
             // The solver asks for numbers of one size: levers of rounding only are none.
-            let row: Vec<_> = row.into_iter().filter(|(_, part)| part.abs() > 1e-9).collect();
+            let mut row: Vec<_> = row.into_iter().filter(|(_, part)| part.abs() > 1e-9).collect();
+            row.push((overload, -1.0));
             problem.add_constraint(&row, ComparisonOp::Le, 1.0 - own);
+            row.last_mut().expect("it was just put there").1 = 1.0;
             problem.add_constraint(&row, ComparisonOp::Ge, -1.0 - own);
         }
     }
@@ -127,11 +132,9 @@ pub fn torque_support(
     for (row, sum) in rows.iter().zip([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]) {
         problem.add_constraint(row, ComparisonOp::Eq, sum);
     }
-    match problem.solve() {
-        Ok(outcome) => Some(outcome.into_solution().expect("no limit is set").objective()),
-        Err(Error::Infeasible) => None,
-        Err(other) => panic!("{other:?}"),
-    }
+    let solution = problem.solve().expect("it is feasible").into_solution();
+    let solution = solution.expect("no limit is set");
+    (solution.var_value(overload) < 1e-7).then(|| solution.objective())
 }
 
 /// Forces of least largest share of a cone's edge, in weights, from a linear program.
