@@ -5,6 +5,7 @@
 mod derived;
 mod kinematics;
 mod plan;
+mod plannable;
 mod reachability;
 mod regions;
 mod stability;
@@ -12,7 +13,8 @@ mod traversability;
 
 pub use derived::{Site, derive};
 pub use kinematics::{inverse_kinematics, kinematics};
-pub use plan::{OnProgress, Planned, plan, state_hash};
+pub use plan::{OnProgress, Planned, is_plannable, plan, state_hash};
+pub use plannable::plannable;
 pub use reachability::{Reached, preference, reachability, reachability_answer};
 pub use stability::stability;
 pub use traversability::{Judged, traversability};

@@ -9,11 +9,13 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use tokio::time::Instant;
 use wire::analysis::{REACH_CLASSES, ReachabilityCells, ReachabilityRequest, StabilityPreference};
-use wire::live::{LegReach, ReachSummary, RoverMode, channel};
+use wire::live::{JobReport, LegReach, ReachSummary, RoverMode, channel};
 
 use crate::analyses;
 use crate::app::AppState;
+use crate::error::ApiError;
 use crate::stop::Stop;
 
 /// Time between looks at the stance; a stance is still if it is the same in two.
@@ -78,12 +80,14 @@ impl LiveReach {
         state.failure = None;
     }
 
-    /// Keeps a leg, unless another basis has begun meanwhile.
-    fn keep(&self, basis: &str, leg: &str, cells: ReachabilityCells) {
+    /// Keeps a leg, unless another basis has begun meanwhile: `false` then.
+    fn keep(&self, basis: &str, leg: &str, cells: ReachabilityCells) -> bool {
         let mut state = self.locked();
-        if state.basis == basis {
+        let holds = state.basis == basis;
+        if holds {
             state.legs.insert(leg.into(), Arc::new(cells));
         }
+        holds
     }
 
     fn fail(&self, why: String) {
@@ -121,6 +125,56 @@ pub async fn run(app: AppState) {
         }
         done = basis;
     }
+}
+
+/// Plans to all reachable cells of a leg, as a job; the cells of the leg are marked as it goes on. A
+/// change of stance, map or preference cancels it.
+pub fn plan_to_cells(app: &AppState, leg: &str) -> Result<JobReport, ApiError> {
+    let Some((basis, cells)) = app.reach.cells(leg) else { return Err(not_ready(leg)) };
+    let job = app.jobs.begin("plannable", Stop::after(Some(DEADLINE_S))?)?;
+    let report = app.jobs.get(job.id())?;
+    let (app, leg) = (app.clone(), leg.to_owned());
+    tokio::spawn(async move {
+        let permit = match app.gate.enter().await {
+            Ok(permit) => permit,
+            Err(error) => return job.end(Err(error)),
+        };
+        let work = move || {
+            let _place = permit;
+            let (context, stability) = (app.context(), app.reach.locked().preference);
+            let mut shown = Instant::now();
+            let stop = job.stop().clone();
+            let mut told = |share: f64, cells: &ReachabilityCells| {
+                if share < 1.0 && shown.elapsed() < LOOK {
+                    return;
+                }
+                shown = Instant::now();
+                job.progress(share, "plans a step to each reachable cell");
+                if !app.reach.keep(&basis, &leg, cells.clone()) {
+                    stop.cancel();
+                }
+                tell(&app);
+            };
+            let cells = cells.as_ref().clone();
+            let stop = job.stop().clone();
+            let done = analyses::plannable(&context, &leg, stability, cells, &stop, &mut told);
+            let path = format!("/api/v1/rover/reachability/{leg}");
+            job.end(done.map(|()| path).map_err(ApiError::from));
+        };
+        if let Err(error) = tokio::task::spawn_blocking(work).await {
+            tracing::error!("planning to the cells of a leg ended by a fault: {error}");
+        }
+    });
+    Ok(report)
+}
+
+/// The answer about a leg whose cells are not known.
+pub fn not_ready(leg: &str) -> ApiError {
+    let leg: String = leg.chars().take(64).collect();
+    ApiError::new(
+        "not_ready",
+        format!("the reachability of {leg:?} is not known yet, or it is no leg"),
+    )
 }
 
 /// Names stance, map and preference; `None` while there is no stance, or the rover moves.
@@ -165,6 +219,7 @@ async fn compute(app: &AppState, basis_of_work: &str) {
         match reached {
             Ok(Ok(reached)) => {
                 for (leg, cells) in reached {
+                    // Another basis begins only after this work has ended.
                     app.reach.keep(basis_of_work, &leg, cells);
                 }
             }

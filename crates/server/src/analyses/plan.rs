@@ -6,6 +6,7 @@ use motion::{
 };
 use nalgebra::Point3;
 use rover::{Configuration, LegId, Robot};
+use stability::Preference;
 use tokio::time::Instant;
 use wire::analysis::{
     PathPlanner, PlanAnswer, PlanBasis, PlanCommand, PlanConstraint, PlanFinding, PlanMargin,
@@ -47,6 +48,25 @@ pub fn plan(
     let times_ms = clock.times_ms();
     let answer = answer(&scene, request, &found, times_ms);
     Ok(Planned { answer, start: scene.configuration })
+}
+
+/// Whether a step of a leg to a place, as the planner makes it with its defaults, is found: then its
+/// final check has passed. `None` if it was stopped.
+pub fn is_plannable(
+    scene: &Scene,
+    leg: LegId,
+    place: Point3<f64>,
+    preference: Preference,
+    stop: &Stop,
+) -> Option<bool> {
+    let scale = scene.robot().scale();
+    let request = StepRequest { preference, ..StepRequest::new(leg, Target::Ground(place), scale) };
+    let mut clock = StageClock::new(stop, &|_, _| {});
+    let found = plan_step(&scene.solid, &scene.configuration, scene.gravity, &request, &mut clock);
+    match found.outcome {
+        Outcome::Deadline | Outcome::Cancelled => None,
+        outcome => Some(outcome == Outcome::Found),
+    }
 }
 
 /// The request in the domain's terms, checked.

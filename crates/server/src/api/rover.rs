@@ -4,19 +4,20 @@ use axum::Json;
 use axum::extract::State;
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::ws::rejection::WebSocketUpgradeRejection;
-use axum::http::header;
+use axum::http::{StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 use wire::analysis::LiveReachRequest;
 use wire::check::At;
-use wire::live::{LinkConfig, LinkReport, ReachSummary};
+use wire::live::{JobReport, LinkConfig, LinkReport, ReachSummary};
 use wire::resources::{ErrorBody, EstopAnswer, EstopReleaseRequest, RoverAnswer};
 
 use crate::analyses;
 use crate::app::AppState;
 use crate::body::{Body, Operator, OptionalBody, Path};
 use crate::error::ApiError;
+use crate::live_reach;
 use crate::stream;
 
 pub fn routes() -> OpenApiRouter<AppState> {
@@ -26,8 +27,9 @@ pub fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(estop))
         .routes(routes!(estop_release))
         .routes(routes!(urdf))
-        .routes(routes!(live_reach, put_live_reach))
+        .routes(routes!(reach_summary, prefer_reach))
         .routes(routes!(leg_reach))
+        .routes(routes!(plan_to_cells))
 }
 
 pub fn stream_routes() -> OpenApiRouter<AppState> {
@@ -91,7 +93,7 @@ async fn estop_release(
     get, path = "/rover/reachability", tag = "rover",
     responses((status = 200, body = ReachSummary))
 )]
-async fn live_reach(State(app): State<AppState>) -> Json<ReachSummary> {
+async fn reach_summary(State(app): State<AppState>) -> Json<ReachSummary> {
     Json(app.reach.summary())
 }
 
@@ -100,7 +102,7 @@ async fn live_reach(State(app): State<AppState>) -> Json<ReachSummary> {
     put, path = "/rover/reachability", tag = "rover", request_body = LiveReachRequest,
     responses((status = 200, body = ReachSummary), (status = 422, body = ErrorBody))
 )]
-async fn put_live_reach(
+async fn prefer_reach(
     State(app): State<AppState>,
     Body(request): Body<LiveReachRequest>,
 ) -> Result<Json<ReachSummary>, ApiError> {
@@ -124,9 +126,7 @@ async fn leg_reach(
     Path(leg): Path<String>,
 ) -> Result<Response, ApiError> {
     let Some((basis, cells)) = app.reach.cells(&leg) else {
-        let leg: String = leg.chars().take(64).collect();
-        let text = format!("the reachability of {leg:?} is not known yet, or it is no leg");
-        return Err(ApiError::new("not_ready", text));
+        return Err(live_reach::not_ready(&leg));
     };
     let headers = [
         (header::CONTENT_TYPE, "application/octet-stream".to_owned()),
@@ -134,6 +134,23 @@ async fn leg_reach(
         (header::CACHE_CONTROL, "no-cache".to_owned()),
     ];
     Ok((headers, cells.to_binary()).into_response())
+}
+
+/// Plans a step to every reachable cell of a leg, as a job: its cells become `plannable` or
+/// `not_plannable` one by one. A change of stance, map or preference cancels it.
+#[utoipa::path(
+    post, path = "/rover/reachability/{leg}/plans", tag = "rover",
+    params(("leg" = String, Path, description = "Name of the leg")),
+    responses(
+        (status = 202, body = JobReport),
+        (status = 404, body = ErrorBody), (status = 429, body = ErrorBody)
+    )
+)]
+async fn plan_to_cells(
+    State(app): State<AppState>,
+    Path(leg): Path<String>,
+) -> Result<(StatusCode, Json<JobReport>), ApiError> {
+    Ok((StatusCode::ACCEPTED, Json(live_reach::plan_to_cells(&app, &leg)?)))
 }
 
 /// The URDF of a robot, at the scale of its folder.

@@ -137,6 +137,15 @@ async fn the_reachability_of_all_legs_comes_by_itself_and_again_after_a_step() {
     assert_eq!(leg.status, 200);
     assert_eq!(&leg.bytes[..4], b"FFT1");
     assert_eq!(ground.get(&format!("{path}/leg9")).await.code(), "not_ready");
+    // Steps are planned to reachable cells, the nearest first, until nobody wants to know more.
+    let job = ground.call("POST", &format!("{path}/leg1/plans"), None).await;
+    assert_eq!(job.status, 202);
+    let plannable = || async { summary().await["legs"]["leg1"]["cells"]["plannable"].as_u64() };
+    ground.until("plannable cells", || async { plannable().await > Some(0) }).await;
+    let job_path = format!("/api/v1/jobs/{}", job.json()["id"].as_str().unwrap());
+    ground.call("DELETE", &job_path, None).await;
+    assert_eq!(ground.job(&job).await["state"], "cancelled");
+    assert!(plannable().await > Some(0), "what is known stays known");
     // Another preference is another basis.
     let conservative = json!({ "stability": "conservative" });
     assert_eq!(ground.call("PUT", path, Some(&conservative)).await.status, 200);

@@ -9,12 +9,21 @@ use super::{base64_bytes, base64_f32};
 use crate::scene::Scene;
 use crate::tile::{Format, Header};
 
-/// Names of the classes, by their number (F42-F46).
-pub const REACH_CLASSES: [&str; 6] =
-    ["unknown", "unreachable", "unstable", "no_lift", "reachable", "colliding"];
+/// Names of the classes, by their number (F42-F46). The last two are those of reachable cells that a
+/// step was really planned to.
+pub const REACH_CLASSES: [&str; 8] = [
+    "unknown",
+    "unreachable",
+    "unstable",
+    "no_lift",
+    "reachable",
+    "colliding",
+    "plannable",
+    "not_plannable",
+];
 
 /// Names of the reasons, by their number.
-pub const REACH_REASONS: [&str; 13] = [
+pub const REACH_REASONS: [&str; 15] = [
     "none",
     "out_of_reach",
     "joint_limit",
@@ -28,6 +37,8 @@ pub const REACH_REASONS: [&str; 13] = [
     "torque",
     "uneven_ground",
     "start_lift",
+    "traversability",
+    "no_plan",
 ];
 
 /// `POST /analysis/reachability`.
