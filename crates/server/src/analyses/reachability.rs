@@ -39,7 +39,7 @@ pub fn reachability(
     let lift_m = request.lift_m.unwrap_or(LIFT_M * scale);
     let lift = check::within(&At::root("lift_m"), lift_m, LIFT_RANGE_M, " m")?;
     let preference = preference(&At::root("stability"), request.stability)?;
-    let options = ReachOptions { resolution, lift, preference, workers };
+    let options = ReachOptions { resolution, lift, preference, workers, ..ReachOptions::default() };
     let names = match &request.legs {
         Some(names) => names.clone(),
         None => robot.legs().iter().map(|leg| leg.name.clone()).collect(),
@@ -127,5 +127,8 @@ mod tests {
         assert_eq!(reason(Reason::Settlement), "settlement");
         assert_eq!(reason(Reason::LiftCollides), "lift_collision");
         assert_eq!(reason(Reason::StartLift), "start_lift");
+        assert_eq!(reason(Reason::Traversability), "traversability");
+        assert_eq!(Reason::ALL.len(), REACH_REASONS.len());
+        assert_eq!(CellClass::ALL.len(), REACH_CLASSES.len());
     }
 }

@@ -14,7 +14,7 @@ pub const REACH_CLASSES: [&str; 6] =
     ["unknown", "unreachable", "unstable", "no_lift", "reachable", "colliding"];
 
 /// Names of the reasons, by their number.
-pub const REACH_REASONS: [&str; 13] = [
+pub const REACH_REASONS: [&str; 14] = [
     "none",
     "out_of_reach",
     "joint_limit",
@@ -28,6 +28,7 @@ pub const REACH_REASONS: [&str; 13] = [
     "torque",
     "uneven_ground",
     "start_lift",
+    "traversability",
 ];
 
 /// `POST /analysis/reachability`.
