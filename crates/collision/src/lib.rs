@@ -9,6 +9,8 @@
 //! - [`Certifier`]: is a motion of that leg free, at every resolution?
 //! - [`BodyCertifier`]: is a shift of the whole body free?
 //! - [`survey`]: the whole robot in one posture.
+//! - [`QuickChecker`]: that leg in many configurations that are much alike.
+//! - [`Footings`]: the orientations in which a wheel may be put down, place by place.
 //! - [`touchdowns`]: ways to put a wheel down at a place of the map.
 //! - [`wheel_ground`]: how high a wheel is above the ground and where it would touch.
 
@@ -17,11 +19,13 @@ mod body;
 mod certificate;
 mod checker;
 mod clearance;
+mod footing;
 mod form;
 mod gjk;
 mod ground;
 mod look;
 mod pairs;
+mod quick;
 mod scene;
 mod solid;
 mod survey;
@@ -32,8 +36,12 @@ pub use body::BodyCertifier;
 pub use certificate::{Certificate, Certifier};
 pub use checker::{Allowance, ContactZone, Keep, LegChecker, Touch, Violation};
 pub use clearance::Clearance;
+pub use footing::{Footing, Footings, NoSeat, Seat, WheelHeading};
 pub use pairs::Body;
+pub use quick::QuickChecker;
 pub use scene::{Obstacle, Scene, SceneError};
-pub use survey::{PairDistance, Survey, survey};
-pub use touchdown::{FootfallPlace, NoTouchdown, Touchdown, footfall_place, touchdowns};
+pub use survey::{PairDistance, Survey, ground_normal, survey};
+pub use touchdown::{
+    FootfallPlace, NoTouchdown, Touchdown, footfall_place, no_touchdown, touchdown_cost, touchdowns,
+};
 pub use wheel::{WheelGap, WheelGround, contact_center, wheel_ground};

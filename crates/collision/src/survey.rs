@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::Point3;
+use nalgebra::{Point3, Unit, Vector3};
 use rover::{Frame, LegId, LinkId, Posture};
 
 use crate::checker::Touch;
@@ -12,7 +12,7 @@ use crate::look::near_solid;
 use crate::pairs::pair_tolerance;
 use crate::scene::Scene;
 use crate::solid::{Near, Part, near, pose_of};
-use crate::wheel::{BEYOND_CONTACT, WheelGround, contact_center, wheel_ground};
+use crate::wheel::{BEYOND_CONTACT, PATCH_WIDTHS, WheelGround, contact_center, wheel_ground};
 
 /// Two things and their distance.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,6 +70,14 @@ impl Survey {
         };
         self.standing.iter().filter_map(contact).collect()
     }
+}
+
+/// The ground's normal under a foot that touches at `p` (m): that of the plane of the patch about
+/// it; up where too little is known.
+pub fn ground_normal(scene: &Scene, leg: LegId, p: &Point3<f64>) -> Unit<Vector3<f64>> {
+    let width = PATCH_WIDTHS * scene.robot().leg(leg).wheel.width;
+    let plane = scene.map().footprint_plane(p.xy(), width).map(|plane| plane.normal);
+    plane.or_else(|| scene.map().normal_at(p.xy())).unwrap_or(Vector3::z_axis())
 }
 
 /// Looks at the whole robot in one posture. Unknown ground hides what lies below it: it is not a

@@ -5,19 +5,13 @@
 //! normal first, then 15 and 30 degrees to either side; the yaw that keeps the knee roll small
 //! first. Each wheel is then seated: shifted along z until it just touches.
 
-use nalgebra::{Isometry3, Point2, Point3, Translation3, Unit, Vector3};
-use rover::{IkSolution, LegAngles, LegId, Posture, Robot, WheelPose};
+use nalgebra::{Point2, Point3, Unit, Vector3};
+use rover::{Frame, LegAngles, LegId, LinkId, Posture, WheelPose};
 
+use crate::footing::{Footing, Footings, NoSeat, WheelHeading};
 use crate::scene::Scene;
-use crate::wheel::{PATCH_WIDTHS, contact_center, wheel_ground};
+use crate::wheel::PATCH_WIDTHS;
 
-/// Yaws tried about the ground's normal (rad), from the one that keeps the knee roll small.
-const YAWS: [f64; 7] = [0.0, 0.524, -0.524, 1.047, -1.047, 1.571, -1.571];
-/// Pitches of the fork tried about the axle (rad), 0 being along the normal.
-const FORK_PITCHES: [f64; 5] = [0.0, 0.262, -0.262, 0.524, -0.524];
-/// Most that seating may shift a wheel, as a share of its radius: beyond, the ground under it is
-/// no place for a wheel.
-const SEATING_SHIFT: f64 = 0.5;
 /// Costs nearer than this are equal (rad): mirror images must not be told apart by rounding.
 const TIE: f64 = 1e-6;
 
@@ -86,59 +80,41 @@ pub fn touchdowns(
     near: &LegAngles,
     most: usize,
 ) -> Result<Vec<Touchdown>, NoTouchdown> {
-    let robot = scene.robot();
-    let model = robot.leg(leg);
-    let place = footfall_place(scene, leg, p).ok_or(NoTouchdown::UnknownGround)?;
-    let hip = posture.link(model.links[0]).translation.vector;
-    let outward = Vector3::new(p.x - hip.x, p.y - hip.y, 0.0);
-    let across = Vector3::z().cross(&outward);
-    let heading = if across.norm() > 1e-6 { across } else { Vector3::y() };
-
-    // Orientations by what they promise before the wheel is seated, which is the dear part.
+    let footings = Footings::new(scene, posture, leg, WheelHeading::Free);
+    let mut footing = footings.at(p).ok_or(NoTouchdown::UnknownGround)?;
+    // Orientations by what they promise before the wheel is seated.
     let mut failure = Failure::default();
-    let mut promising: Vec<(f64, WheelPose)> = Vec::new();
-    // Where the leg cannot choose the orientation, one stands for all.
-    let free = model.ik.fixes_orientation();
-    let (yaws, fork_pitches) =
-        if free { (&YAWS[..], &FORK_PITCHES[..]) } else { (&YAWS[..1], &FORK_PITCHES[..1]) };
-    for &yaw in yaws {
-        for &fork_pitch in fork_pitches {
-            let wheel = WheelPose::standing(
-                &model.wheel,
-                place.ground,
-                &place.normal,
-                &heading,
-                yaw,
-                fork_pitch,
-            );
-            let Some(wheel) = wheel else { continue };
-            let best = failure
-                .solutions(posture, scene, leg, &wheel.world_from_wheel)
-                .iter()
-                .map(|s| cost(&s.angles, near))
-                .min_by(f64::total_cmp);
-            promising.extend(best.map(|cost| (cost, wheel)));
-        }
+    let mut promising: Vec<(f64, usize)> = Vec::new();
+    for orientation in 0..footings.n_orientations() {
+        let best = failure
+            .angles(scene, posture, leg, &footing.unseated(orientation))
+            .iter()
+            .map(|angles| touchdown_cost(angles, near))
+            .min_by(f64::total_cmp);
+        promising.extend(best.map(|cost| (cost, orientation)));
     }
     promising.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut found: Vec<(f64, Touchdown)> = Vec::new();
     let mut enough = f64::INFINITY;
-    for (promise, wheel) in promising {
+    for (promise, orientation) in promising {
         if promise > enough + TIE {
             break;
         }
-        let Some((wheel, contact)) = seat(scene, &wheel, &mut failure) else { continue };
-        for solution in failure.solutions(posture, scene, leg, &wheel.world_from_wheel) {
-            let angles = solution.angles;
-            let (wheel, contact) = if free {
-                (wheel, contact)
-            } else {
-                let wheel = posture.with_leg(robot, leg, &angles).wheel(robot, leg);
-                let Some(contact) = stands(scene, robot, &wheel, &place) else { continue };
-                (wheel, contact)
-            };
-            found.push((cost(&angles, near), Touchdown { place, wheel, contact, angles }));
-        }
+        let seat = match footing.seat(orientation) {
+            Ok(seat) => seat,
+            Err(NoSeat::Unknown) => {
+                failure.unknown = true;
+                continue;
+            }
+            Err(NoSeat::Uneven(shift)) => {
+                failure.shift = failure.shift.min(shift);
+                continue;
+            }
+        };
+        let seated = footing.seated_frame(orientation, &seat, 0.0);
+        let all = failure.angles(scene, posture, leg, &seated);
+        let ways = all.into_iter().filter_map(|q| footing.touchdown(orientation, &seat, q));
+        found.extend(ways.map(|way| (touchdown_cost(&way.angles, near), way)));
         if found.len() >= most {
             enough = enough.min(promise);
         }
@@ -152,47 +128,38 @@ pub fn touchdowns(
     Ok(found.into_iter().map(|(_, touchdown)| touchdown).collect())
 }
 
-/// What counts against joint angles (rad): their distance from `near`, and the knee's roll.
-fn cost(angles: &LegAngles, near: &LegAngles) -> f64 {
-    (angles - near).amax() + angles[3].abs()
-}
-
-/// Where a wheel touches whose orientation the leg's joints gave it: none if it does not stand there
-/// by the robot's rules. A ball stands wherever it was put.
-fn stands(
+/// Why no orientation of the wheel can be put down at a place; none if one can.
+pub fn no_touchdown(
     scene: &Scene,
-    robot: &Robot,
-    wheel: &WheelPose,
-    place: &FootfallPlace,
-) -> Option<Point3<f64>> {
-    let below = wheel_ground(wheel, scene.map(), |_| true);
-    let gap = below.nearest.filter(|_| !below.unknown)?;
-    let rules = robot.stance();
-    let level = wheel.camber(&place.normal) <= rules.camber_limit;
-    (level && gap.gap.abs() <= rules.ground_tolerance)
-        .then(|| contact_center(wheel, scene.map(), &gap))
-}
-
-/// The wheel shifted along z until it just touches, and where it touches.
-fn seat(
-    scene: &Scene,
-    wheel: &WheelPose,
-    failure: &mut Failure,
-) -> Option<(WheelPose, Point3<f64>)> {
-    let below = wheel_ground(wheel, scene.map(), |_| true);
-    let gap = below.nearest.filter(|_| !below.unknown);
-    let Some(gap) = gap else {
-        failure.unknown = true;
-        return None;
-    };
-    if gap.gap.abs() > SEATING_SHIFT * wheel.radius {
-        failure.shift = failure.shift.min(gap.gap.abs());
-        return None;
+    posture: &Posture,
+    leg: LegId,
+    footing: &mut Footing<'_>,
+) -> Option<NoTouchdown> {
+    let mut failure = Failure::default();
+    for orientation in 0..footing.n_orientations() {
+        let before = failure.angles(scene, posture, leg, &footing.unseated(orientation));
+        if before.is_empty() {
+            continue;
+        }
+        match footing.seat(orientation) {
+            Err(NoSeat::Unknown) => failure.unknown = true,
+            Err(NoSeat::Uneven(shift)) => failure.shift = failure.shift.min(shift),
+            Ok(seat) => {
+                let seated = footing.seated_frame(orientation, &seat, 0.0);
+                let all = failure.angles(scene, posture, leg, &seated);
+                let stands = |q: &LegAngles| footing.touchdown(orientation, &seat, *q).is_some();
+                if all.iter().any(stands) {
+                    return None;
+                }
+            }
+        }
     }
-    let lift = Translation3::new(0.0, 0.0, -gap.gap);
-    let seated = WheelPose { world_from_wheel: lift * wheel.world_from_wheel, ..*wheel };
-    let contact = contact_center(&seated, scene.map(), &gap);
-    Some((seated, contact))
+    Some(failure.verdict())
+}
+
+/// What counts against joint angles (rad): their distance from `near`, and the knee's roll.
+pub fn touchdown_cost(angles: &LegAngles, near: &LegAngles) -> f64 {
+    (angles - near).amax() + angles[3].abs()
 }
 
 /// What stood in the way, over all orientations tried.
@@ -211,27 +178,29 @@ impl Default for Failure {
 }
 
 impl Failure {
-    fn solutions(
+    /// Joint angles within the limits for a wheel in `world`.
+    fn angles(
         &mut self,
-        posture: &Posture,
         scene: &Scene,
+        posture: &Posture,
         leg: LegId,
-        wheel: &Isometry3<f64>,
-    ) -> Vec<IkSolution> {
-        let all = match posture.inverse_kinematics(scene.robot(), leg, wheel) {
+        wheel: &Frame,
+    ) -> Vec<LegAngles> {
+        let model = scene.robot().leg(leg);
+        let base_from_world = Frame::from(&posture.link(LinkId(0)).inverse());
+        let base_from_wheel = base_from_world.after(wheel).to_isometry();
+        let all = match model.ik.solve(model, &base_from_wheel) {
             Ok(all) => all,
             Err(missed) => {
                 self.distance = self.distance.min(missed.distance);
                 return Vec::new();
             }
         };
-        let model = scene.robot().leg(leg);
-        let (inside, outside): (Vec<_>, Vec<_>) = all.into_iter().partition(|s| s.within_limits);
-        for s in outside {
+        for s in all.iter().filter(|s| !s.within_limits) {
             let over = (s.angles - model.upper).sup(&(model.lower - s.angles)).max();
             self.overrun = self.overrun.min(over.max(0.0));
         }
-        inside
+        all.iter().filter(|s| s.within_limits).map(|s| s.angles).collect()
     }
 
     /// The reason that came nearest to a footfall.

@@ -5,13 +5,17 @@
 //! (x, y). The smallest vertical gap tells all: positive above, zero touching, negative inside;
 //! and lifting the wheel by d raises it by d.
 
-use nalgebra::{Point2, Point3, Unit, Vector3};
+use nalgebra::{Point2, Point3, Unit, Vector2, Vector3};
 use rover::WheelPose;
 use terrain::ElevationMap;
 
 /// Golden-section steps along a grid edge: 20 shrink the bracket to 7e-5 of its length, and the
 /// gap is quadratic about its minimum.
 const REFINEMENTS: usize = 20;
+
+/// What a gap along an edge may be smaller than the one found (m): well below what the search along
+/// it would tell apart.
+const SETTLED: f64 = 1e-8;
 
 /// Share of the ground tolerance by which a standing wheel may be in the ground beyond its contact
 /// radius: the corners of a wheel that has sunk in by the whole tolerance.
@@ -64,7 +68,7 @@ pub fn wheel_ground(
     if 3.0 * map.grid().resolution > wheel.radius.min(wheel.width) {
         search.lattice(min, max);
     }
-    search.cells(wheel, min, max);
+    search.cells(min, max);
     WheelGround { nearest: search.best, unknown: search.unknown }
 }
 
@@ -93,10 +97,6 @@ pub fn contact_center(wheel: &WheelPose, map: &ElevationMap, gap: &WheelGap) -> 
     if as_near { middle } else { gap.ground }
 }
 
-fn wheel_is_level(wheel: &WheelPose, normal: &Unit<Vector3<f64>>) -> bool {
-    !wheel.ball && wheel.camber(normal) <= 1e-6
-}
-
 /// The wheel as a cylinder, or the foot as a ball, in `world`.
 struct Cylinder {
     ball: bool,
@@ -115,6 +115,28 @@ impl Cylinder {
             radius: wheel.radius,
             half_width: 0.5 * wheel.width,
         }
+    }
+
+    /// Is the axle in the plane with this normal?
+    fn is_level(&self, normal: &Unit<Vector3<f64>>) -> bool {
+        !self.ball && self.axle.dot(normal).abs() <= 1e-6
+    }
+
+    /// The point that lies deepest against `normal`, as [`WheelPose::lowest_point`].
+    fn lowest_point(&self, normal: &Unit<Vector3<f64>>) -> Point3<f64> {
+        if self.ball {
+            return self.center - normal.into_inner() * self.radius;
+        }
+        let along = normal.dot(&self.axle);
+        let radial = normal.into_inner() - self.axle.into_inner() * along;
+        let mut point = self.center;
+        if let Some(radial) = radial.try_normalize(1e-6) {
+            point -= radial * self.radius;
+        }
+        if !self.is_level(normal) {
+            point -= self.axle.into_inner() * (along.signum() * self.half_width);
+        }
+        point
     }
 
     fn footprint(&self) -> (Point2<f64>, Point2<f64>) {
@@ -161,6 +183,145 @@ impl Cylinder {
             return None;
         }
         (lo <= hi).then_some(self.center.z + lo)
+    }
+}
+
+/// A bound of the wheel's lower side from below, for squares and edges of the grid.
+struct Underside {
+    center: Point3<f64>,
+    /// The lowest point of all (m).
+    lowest: f64,
+    radius: f64,
+    /// None for a ball and an upright axle.
+    level: Option<Level>,
+    /// Half of a square's side and of its diagonal (m).
+    half_side: f64,
+    half_diagonal: f64,
+}
+
+/// Directions of a wheel whose axle is not upright.
+struct Level {
+    /// Level, across the axle.
+    aside: Vector2<f64>,
+    /// Up, across the axle.
+    up: Vector3<f64>,
+    /// Level, along the axle, and how far the wheel reaches that way (m).
+    along: Vector2<f64>,
+    reach: f64,
+}
+
+impl Underside {
+    fn new(wheel: &Cylinder, lowest: f64, side: f64) -> Underside {
+        let axle = wheel.axle.into_inner();
+        let aside = Unit::try_new(axle.cross(&Vector3::z()), 1e-3).filter(|_| !wheel.ball);
+        let level = aside.map(|aside| {
+            let along = axle.xy().normalize();
+            let cosine = along.dot(&axle.xy());
+            let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+            Level {
+                aside: aside.xy(),
+                up: aside.cross(&axle),
+                along,
+                reach: wheel.half_width * cosine.abs() + wheel.radius * sine + 1e-9,
+            }
+        });
+        Underside {
+            center: wheel.center,
+            lowest,
+            radius: wheel.radius,
+            level,
+            half_side: 0.5 * side,
+            half_diagonal: 0.5 * side * std::f64::consts::SQRT_2,
+        }
+    }
+
+    /// A height that the lower side is not below anywhere over the square from `corner` on; infinite
+    /// beside the wheel.
+    fn over_square(&self, corner: Point2<f64>) -> f64 {
+        let Some(level) = &self.level else { return self.lowest };
+        let middle = corner - self.center.xy() + Vector2::repeat(self.half_side);
+        let (aside, along) = (level.aside.dot(&middle), level.along.dot(&middle));
+        if along.abs() - self.half_diagonal > level.reach
+            || aside.abs() - self.half_diagonal > self.radius
+        {
+            return f64::INFINITY;
+        }
+        let begins = (aside.abs() - self.half_diagonal).max(0.0).copysign(aside);
+        let plane = self.plane(level, begins);
+        plane.at(&middle) - plane.slope.norm() * self.half_diagonal
+    }
+
+    /// The part of an edge of the grid that may lie below the wheel; none if none does.
+    fn over_edge<'u>(
+        &'u self,
+        level: &'u Level,
+        a: Point2<f64>,
+        b: Point2<f64>,
+    ) -> Option<Line<'u>> {
+        let (from, way) = (a - self.center.xy(), b - a);
+        let (mut t0, mut t1) = (0.0_f64, 1.0_f64);
+        for (direction, reach) in [(&level.along, level.reach), (&level.aside, self.radius)] {
+            let (start, rate) = (direction.dot(&from), direction.dot(&way));
+            if rate.abs() > 1e-12 {
+                let ends = [(-reach - start) / rate, (reach - start) / rate];
+                (t0, t1) = (t0.max(ends[0].min(ends[1])), t1.min(ends[0].max(ends[1])));
+            } else if start.abs() > reach {
+                return None;
+            }
+        }
+        (t0 <= t1).then_some(Line { under: self, level, from, way, ends: [t0, t1] })
+    }
+
+    /// The plane that touches the wheel's round as far aside: the wheel lies above it.
+    fn plane(&self, level: &Level, aside: f64) -> Tangent {
+        let sine = (aside / self.radius).clamp(-0.9, 0.9);
+        let cosine = (1.0 - sine * sine).sqrt();
+        let steep = 1.0 / (cosine * level.up.z);
+        let slope = (level.aside * sine - level.up.xy() * cosine) * steep;
+        Tangent { slope, height: self.center.z - self.radius * steep }
+    }
+}
+
+/// A part of an edge of the grid: from the wheel's center to its start, and on, by a share of its way.
+struct Line<'u> {
+    under: &'u Underside,
+    level: &'u Level,
+    from: Vector2<f64>,
+    way: Vector2<f64>,
+    ends: [f64; 2],
+}
+
+impl Line<'_> {
+    /// A gap that is no larger than any over ground that begins at `z` and rises by `rise` (m): by
+    /// the plane that touches the wheel above the share `t`.
+    fn bound(&self, t: f64, z: f64, rise: f64) -> f64 {
+        let aside = self.level.aside.dot(&(self.from + self.way * t));
+        let plane = self.under.plane(self.level, aside);
+        let gap = |t: f64| plane.at(&(self.from + self.way * t)) - (z + rise * t);
+        gap(self.ends[0]).min(gap(self.ends[1]))
+    }
+
+    /// The share at which the wheel's round is nearest to ground that rises by `rise` (m).
+    fn nearest(&self, rise: f64) -> f64 {
+        let (level, under) = (self.level, self.under);
+        let (start, rate) = (level.aside.dot(&self.from), level.aside.dot(&self.way));
+        let tangent = rise * level.up.z + level.up.xy().dot(&self.way);
+        // Where the round is as steep as the ground; along the axle it is steep nowhere.
+        let aside = under.radius * tangent * rate.signum() / tangent.hypot(rate);
+        let t = (aside - start) / rate;
+        if t.is_nan() { self.ends[0] } else { t.clamp(self.ends[0], self.ends[1]) }
+    }
+}
+
+/// A plane by its height below the wheel's center and its slope.
+struct Tangent {
+    slope: Vector2<f64>,
+    height: f64,
+}
+
+impl Tangent {
+    fn at(&self, from_center: &Vector2<f64>) -> f64 {
+        self.height + self.slope.dot(from_center)
     }
 }
 
@@ -211,7 +372,7 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
         }
     }
 
-    fn cells(&mut self, pose: &WheelPose, min: Point2<f64>, max: Point2<f64>) {
+    fn cells(&mut self, min: Point2<f64>, max: Point2<f64>) {
         let grid = *self.map.grid();
         let pad = nalgebra::Vector2::repeat(grid.resolution);
         let far = grid.far_corner();
@@ -221,53 +382,71 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
             self.lattice(min, max); // finds out whether any of it that counts hangs over the edge
         }
         let (xs, ys) = grid.nodes_within(min - pad, max + pad);
-        let gaps: Vec<Option<f64>> = ys
-            .clone()
-            .flat_map(|iy| xs.clone().map(move |ix| (ix, iy)))
-            .map(|(ix, iy)| self.try_point(grid.position(ix, iy)))
-            .collect();
-        // The supports first: they are nearly always the nearest, and then most edges need no look.
+        let lowest = self.wheel.lowest_point(&Vector3::z_axis()).z;
+        let under = Underside::new(&self.wheel, lowest, grid.resolution);
+        // The bottom first: it is nearly always about as near as any, and then most squares need no
+        // look.
+        self.try_point(self.wheel.center.xy());
+        let mut open: Vec<(f64, usize, usize)> = Vec::new();
         for iy in ys.start..ys.end.saturating_sub(1) {
             for ix in xs.start..xs.end.saturating_sub(1) {
-                self.try_supports(pose, ix, iy);
+                let bound = self.bound_over(&under, ix, iy);
+                if self.best.is_none_or(|best| bound < best.gap) {
+                    open.push((bound, ix, iy));
+                }
             }
         }
-        let lowest = pose.lowest_point(&Vector3::z_axis()).z;
-        let mut try_edge = |(ax, ay): (usize, usize), (bx, by): (usize, usize)| {
-            let height = |ix, iy| f64::from(*self.map.heights().at(ix, iy));
-            let (za, zb) = (height(ax, ay), height(bx, by));
-            // Nowhere on the edge is the ground nearer than its higher end to the lowest point. An
-            // end that is unknown is not less than anything, and has to be looked at.
-            let beaten = |best: WheelGap| lowest - za >= best.gap && lowest - zb >= best.gap;
-            if self.best.is_some_and(beaten) {
-                return;
+        // The most promising first: it nearly always has the nearest point of all.
+        while let Some(next) = (0..open.len()).min_by(|a, b| open[*a].0.total_cmp(&open[*b].0)) {
+            let (bound, ix, iy) = open.swap_remove(next);
+            if self.best.is_some_and(|best| bound >= best.gap) {
+                break;
             }
-            let gap = |ix, iy| gaps[(iy - ys.start) * xs.len() + (ix - xs.start)];
-            let (a, b) = (grid.position(ax, ay), grid.position(bx, by));
-            self.try_edge(a, b, gap(ax, ay), gap(bx, by));
-        };
-        for iy in ys.clone() {
-            for ix in xs.clone() {
-                let (right, up) = (ix + 1 < xs.end, iy + 1 < ys.end);
-                if right {
-                    try_edge((ix, iy), (ix + 1, iy));
-                }
-                if up {
-                    try_edge((ix, iy), (ix, iy + 1));
-                }
-                if right && up {
-                    try_edge((ix + 1, iy), (ix, iy + 1));
-                }
-            }
+            self.try_square(&under, ix, iy);
+        }
+    }
+
+    /// A gap that is no larger than any over a square of the grid; negative infinity where it is not
+    /// known.
+    fn bound_over(&self, under: &Underside, ix: usize, iy: usize) -> f64 {
+        let [z00, z10, z01, z11] = self.corners(ix, iy);
+        if (z00 + z10 + z01 + z11).is_nan() {
+            return f64::NEG_INFINITY;
+        }
+        let highest = z00.max(z10).max(z01.max(z11));
+        let bound = under.lowest - highest;
+        if self.best.is_some_and(|best| bound >= best.gap) {
+            return bound;
+        }
+        bound.max(under.over_square(self.map.grid().position(ix, iy)) - highest)
+    }
+
+    /// Heights at the corners of a square: at its start, along x, along y, opposite.
+    fn corners(&self, ix: usize, iy: usize) -> [f64; 4] {
+        let z = |dx, dy| f64::from(*self.map.heights().at(ix + dx, iy + dy));
+        [z(0, 0), z(1, 0), z(0, 1), z(1, 1)]
+    }
+
+    fn try_square(&mut self, under: &Underside, ix: usize, iy: usize) {
+        let heights = self.corners(ix, iy);
+        let nodes = [(ix, iy), (ix + 1, iy), (ix, iy + 1), (ix + 1, iy + 1)];
+        let places = nodes.map(|(ix, iy)| self.map.grid().position(ix, iy));
+        if heights.iter().any(|z| z.is_nan()) {
+            places.iter().for_each(|p| {
+                self.try_point(*p);
+            });
+        }
+        self.try_supports(ix, iy);
+        for [a, b] in [[1, 2], [0, 1], [0, 2], [1, 3], [2, 3]] {
+            self.try_edge([places[a], places[b]], [heights[a], heights[b]], under);
         }
     }
 
     /// The wheel's lowest points against the planes of the two triangles of a square.
-    fn try_supports(&mut self, pose: &WheelPose, ix: usize, iy: usize) {
+    fn try_supports(&mut self, ix: usize, iy: usize) {
         let grid = self.map.grid();
         let (corner, side) = (grid.position(ix, iy), grid.resolution);
-        let z = |dx, dy| f64::from(*self.map.heights().at(ix + dx, iy + dy));
-        let (z00, z10, z01, z11) = (z(0, 0), z(1, 0), z(0, 1), z(1, 1));
+        let [z00, z10, z01, z11] = self.corners(ix, iy);
         let lower = Vector3::new(z00 - z10, z00 - z01, side);
         let upper = Vector3::new(z01 - z11, z10 - z11, side);
         for normal in [lower, upper] {
@@ -275,11 +454,11 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
                 continue;
             }
             let normal = Unit::new_normalize(normal);
-            let lowest = pose.lowest_point(&normal);
+            let lowest = self.wheel.lowest_point(&normal);
             let along = self.wheel.axle.into_inner() * self.wheel.half_width;
             // With a level axle the whole line touches; its ends may lie over other triangles.
             let points = [lowest, lowest + along, lowest - along];
-            for p in &points[..if wheel_is_level(pose, &normal) { 3 } else { 1 }] {
+            for p in &points[..if self.wheel.is_level(&normal) { 3 } else { 1 }] {
                 let d = p.xy() - corner;
                 if d.x >= 0.0 && d.y >= 0.0 && d.x <= side && d.y <= side {
                     self.try_height(p.xy(), p.z);
@@ -288,11 +467,40 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
         }
     }
 
-    /// The smallest gap along an edge of the grid, whose ends are known where they are below the
-    /// wheel. The gap is convex along an edge: three points bound it from below.
-    fn try_edge(&mut self, a: Point2<f64>, b: Point2<f64>, gap_a: Option<f64>, gap_b: Option<f64>) {
+    /// Tries where the wheel's round is nearest to an edge over known ground; true if nothing along it
+    /// can be nearer than the nearest so far.
+    fn is_settled(
+        &mut self,
+        [a, b]: [Point2<f64>; 2],
+        [za, zb]: [f64; 2],
+        under: &Underside,
+    ) -> bool {
+        let (Some(level), false) = (&under.level, (za + zb).is_nan()) else { return false };
+        let Some(line) = under.over_edge(level, a, b) else { return true };
+        let rise = zb - za;
+        let beaten = |search: &Self, t: f64, slack: f64| {
+            search.best.is_some_and(|best| line.bound(t, za, rise) >= best.gap - slack)
+        };
+        if beaten(self, 0.5 * (line.ends[0] + line.ends[1]), 0.0) {
+            return true;
+        }
+        let t = line.nearest(rise);
+        self.try_point(a + (b - a) * t);
+        beaten(self, t, SETTLED)
+    }
+
+    /// The smallest gap along an edge of the grid. The gap is convex along an edge: three points bound
+    /// it from below.
+    fn try_edge(&mut self, [a, b]: [Point2<f64>; 2], heights: [f64; 2], under: &Underside) {
+        let beaten = |best: WheelGap| heights.iter().all(|z| under.lowest - z >= best.gap);
+        if self.best.is_some_and(beaten) {
+            return;
+        }
+        if self.is_settled([a, b], heights, under) {
+            return;
+        }
         let at = |t: f64| a + (b - a) * t;
-        if let (Some(ga), Some(gb)) = (gap_a, gap_b) {
+        if let (Some(ga), Some(gb)) = (self.try_point(a), self.try_point(b)) {
             let Some(gm) = self.try_point(at(0.5)) else { return };
             let bound = gm.min(2.0 * gm - ga).min(2.0 * gm - gb);
             if self.best.is_some_and(|best| bound >= best.gap) {

@@ -1,43 +1,122 @@
-//! Reachability of one leg over a boulder field; budget: 50 ms at 2 cm cells on two cores.
+//! Reachability over a boulder field, the rover standing on it; budget at 2 cm cells on two cores: 50 ms for
+//! one leg, 250 ms for six.
 //!
-//! Baseline: the touch-down candidates of one cell, which every cell needs.
+//! Baseline: the straightforward way, in which every cell has all its touch-downs, a full assessment of
+//! the stance and the plain checks for each of them; 14 cm cells, for it takes long.
 
 use std::sync::Arc;
 
-use collision::{Scene, touchdowns};
+use collision::{Allowance, ContactZone, LegChecker, Scene, survey, touchdowns};
 use criterion::{Criterion, criterion_group, criterion_main};
-use nalgebra::{Point2, Vector3};
-use reachability::{ReachOptions, reach};
-use rover::{LegId, Posture, Robot};
-use stability::rule::Preference;
+use nalgebra::{Point2, Point3, Translation3, Vector3};
+use reachability::{ReachOptions, explain, reach, reach_legs};
+use rover::{Configuration, LegAngles, LegId, Posture, Robot};
+use stability::rule;
 
-fn benches(c: &mut Criterion) {
+const LEG: LegId = LegId(0);
+const GRAVITY: f64 = 1.62;
+const LIFT: f64 = 0.2;
+
+fn athlete() -> Arc<Robot> {
     let folder = "robots/athlete/";
     let robot = Robot::from_folder(
         &testkit::fixture_text(&format!("{folder}robot.toml")),
         |file| Some(testkit::fixture_text(&format!("{folder}{file}"))),
         |_| None,
     );
-    let robot = Arc::new(robot.expect("the fixture loads"));
+    Arc::new(robot.expect("the fixture loads"))
+}
+
+/// The bent pose with every wheel on the ground.
+fn seated(scene: &Scene) -> Configuration {
+    let robot = scene.robot();
+    let mut start = robot.pose("bent").expect("the fixture has the pose");
+    let wheel = |start: &Configuration, leg| Posture::new(robot, start).wheel(robot, leg);
+    let low = wheel(&start, LEG).lowest_point(&Vector3::z_axis()).z;
+    let places: Vec<Point2<f64>> =
+        robot.leg_ids().map(|leg| wheel(&start, leg).center().xy()).collect();
+    let heights = places.iter().map(|p| scene.map().height_at(*p).expect("on the map"));
+    start.world_from_base.translation.z = heights.sum::<f64>() / places.len() as f64 - low;
+    let posture = Posture::new(robot, &start);
+    for (leg, p) in robot.leg_ids().zip(places) {
+        let ways = touchdowns(scene, &posture, leg, p, &start.legs[leg.0], 1);
+        start.legs[leg.0] = ways.expect("the ground is even enough")[0].angles;
+    }
+    start
+}
+
+/// Number of reachable cells by trying all that there is, one after the other.
+fn straightforward(scene: &Scene, start: &Configuration, resolution: f64) -> usize {
+    let robot = scene.robot();
+    let posture = Posture::new(robot, start);
+    let mut standing = survey(scene, &posture).contacts(scene, &posture);
+    standing.retain(|(leg, _)| *leg != LEG);
+    let checker = LegChecker::new(scene, &posture, LEG, None, None);
+    let hip = posture.link(robot.leg(LEG).links[0]).translation.vector.xy();
+    let reach = robot.leg(LEG).ik.reach();
+    let n = (reach / resolution).ceil() as i64;
+    let cells = (-n..=n).flat_map(|iy| (-n..=n).map(move |ix| Vector3::new(ix, iy, 0).xy()));
+    let places = cells.map(|c| Point2::from(hip + c.map(|v| v as f64) * resolution));
+    let near = &start.legs[LEG.0];
+    let is_reachable = |p: &Point2<f64>| {
+        let ways = touchdowns(scene, &posture, LEG, *p, near, usize::MAX).unwrap_or_default();
+        ways.iter().any(|way| {
+            let rules = robot.stance();
+            let moved = posture.with_leg(robot, LEG, &way.angles);
+            let report = rule::assess(robot, &moved, &standing, GRAVITY);
+            let zone = ContactZone {
+                contact: way.contact,
+                center: Point3::from(way.wheel.world_from_wheel.translation.vector),
+                radius: rules.contact_radius,
+                height: rules.contact_height,
+                ground_tolerance: rules.ground_tolerance,
+            };
+            let above = Translation3::new(0.0, 0.0, LIFT) * way.wheel.world_from_wheel;
+            let from = |q: &LegAngles| (q - way.angles).amax();
+            let raised = posture.inverse_kinematics(robot, LEG, &above).ok().and_then(|all| {
+                let within = all.iter().filter(|s| s.within_limits).map(|s| s.angles);
+                within.min_by(|a, b| from(a).total_cmp(&from(b)))
+            });
+            rule::verdict(&report, rules, rule::Preference::Regular).ok
+                && checker.violation(&moved, Some(&zone)).is_none()
+                && raised.is_some_and(|q| checker.violation_at(&q, Allowance::default()).is_none())
+        })
+    };
+    places.filter(|p| (p.coords - hip).norm() <= reach).filter(is_reachable).count()
+}
+
+fn benches(c: &mut Criterion) {
     let map = terrain::synthetic::generate(&terrain::synthetic::Recipe::boulder_field(), 7)
         .expect("the recipe is good");
-    let mut start = robot.pose("bent").expect("the fixture has the pose");
-    let low = Posture::new(&robot, &start).wheel(&robot, LegId(0)).lowest_point(&Vector3::z_axis());
-    start.world_from_base.translation.z = -low.z;
-    let scene = Scene::new(robot.clone(), map, &[]).expect("a scene without obstacles");
-    let posture = Posture::new(&robot, &start);
+    let level = terrain::ElevationMap::plane(12.0, 0.05).expect("a plane");
+    let scene = Scene::new(athlete(), map, &[]).expect("a scene without obstacles");
+    let level = Scene::new(scene.robot().clone(), level, &[]).expect("a scene without obstacles");
+    let start = seated(&scene);
+    let level_start = seated(&level);
+    let legs: Vec<LegId> = scene.robot().leg_ids().collect();
+    let options =
+        ReachOptions { resolution: 0.02, lift: LIFT, workers: 2, ..ReachOptions::default() };
     let mut group = c.benchmark_group("reach");
     group.sample_size(10);
-    group.bench_function("one leg, 10 cm cells, two threads", |b| {
-        let preference = Preference::Regular;
-        let options = ReachOptions { resolution: 0.1, lift: 0.2, preference, workers: 2 };
-        b.iter(|| reach(&scene, &start, 1.62, LegId(0), &options, &|| false));
+    group.bench_function("one leg, 2 cm cells, two threads", |b| {
+        b.iter(|| reach(&scene, &start, GRAVITY, LEG, &options, &|| false));
     });
-    group.bench_function("touch-downs of one cell (baseline)", |b| {
-        b.iter(|| {
-            let p = Point2::new(2.3, 0.2);
-            touchdowns(&scene, &posture, LegId(0), p, &start.legs[0], 6)
-        });
+    group.bench_function("one leg, level ground, 2 cm cells, two threads", |b| {
+        b.iter(|| reach(&level, &level_start, GRAVITY, LEG, &options, &|| false));
+    });
+    group.bench_function("six legs, 2 cm cells, two threads", |b| {
+        b.iter(|| reach_legs(&scene, &start, GRAVITY, &legs, &options, &|| false));
+    });
+    group.bench_function("one leg, 14 cm cells, one thread", |b| {
+        let options = ReachOptions { resolution: 0.14, workers: 1, ..options };
+        b.iter(|| reach(&scene, &start, GRAVITY, LEG, &options, &|| false));
+    });
+    group.bench_function("one leg, 14 cm cells, one thread (baseline)", |b| {
+        b.iter(|| straightforward(&scene, &start, 0.14));
+    });
+    group.bench_function("one refused cell explained, with mends", |b| {
+        let p = Point2::new(3.4, 0.2);
+        b.iter(|| explain(&scene, &start, GRAVITY, LEG, p, &options));
     });
     group.finish();
 }

@@ -12,6 +12,7 @@ use nalgebra::{Isometry3, Point3, Unit, Vector3};
 pub(crate) use self::chain::{Chain, ChainJoint};
 pub use self::closed_form::LegIk;
 pub use self::numerical::{FootTarget, NumericalIk};
+use crate::chain::Frame;
 use crate::model::Leg;
 use crate::posture::LegAngles;
 
@@ -107,6 +108,30 @@ impl LegSolver {
             LegSolver::Numerical(ik) => {
                 ik.solve(leg, &FootTarget::Center(base_from_wheel.translation.vector.into()))
             }
+        }
+    }
+
+    /// As [`solve`](Self::solve), but only what is within the limits.
+    pub fn solve_within(
+        &self,
+        leg: &Leg,
+        base_from_wheel: &Frame,
+    ) -> Result<IkSolutions, NoSolution> {
+        match self {
+            LegSolver::ClosedForm(ik) => ik.solve_within(leg, base_from_wheel),
+            LegSolver::Numerical(_) => {
+                let mut solutions = self.solve(leg, &base_from_wheel.to_isometry())?;
+                solutions.retain(|s| s.within_limits);
+                Ok(solutions)
+            }
+        }
+    }
+
+    /// The closed form, if the leg has one.
+    pub fn closed_form(&self) -> Option<&LegIk> {
+        match self {
+            LegSolver::ClosedForm(ik) => Some(ik),
+            LegSolver::Numerical(_) => None,
         }
     }
 

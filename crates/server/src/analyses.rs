@@ -15,6 +15,6 @@ pub use derived::{Site, derive};
 pub use kinematics::{inverse_kinematics, kinematics};
 pub use plan::{OnProgress, Planned, is_plannable, plan, state_hash};
 pub use plannable::plannable;
-pub use reachability::{Reached, preference, reachability, reachability_answer};
+pub use reachability::{Reached, explain_cell, preference, reachability, reachability_answer};
 pub use stability::stability;
 pub use traversability::{Judged, traversability};

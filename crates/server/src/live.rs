@@ -95,9 +95,11 @@ impl Live {
 
     /// The rover as a scene on the map in use.
     pub fn scene(&self, store: &TerrainStore) -> LiveScene {
+        let version = store.current();
         LiveScene {
             robot: self.robot.clone(),
-            map: store.current().map.clone(),
+            map: version.map.clone(),
+            version,
             gravity: self.gravity,
             friction: self.friction,
             configuration: self.configuration().ok(),

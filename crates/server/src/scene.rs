@@ -16,6 +16,7 @@ use wire::scene::{
 
 use crate::config::Config;
 use crate::robots::Robots;
+use crate::terrain_store::Version;
 use crate::terrains::{FRICTION, Terrains};
 
 /// Range of gravity (m/s²).
@@ -40,6 +41,8 @@ pub struct LiveScene {
     pub robot: Arc<Robot>,
     /// The ground it stands on.
     pub map: ElevationMap,
+    /// The version of that ground, with its traversability.
+    pub version: Arc<Version>,
     /// Gravity (m/s²).
     pub gravity: f64,
     /// Friction between wheel and ground.

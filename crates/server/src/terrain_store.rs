@@ -151,6 +151,11 @@ impl Version {
         self.layers.as_ref().map_err(|error| terrain_error(&At::root("traversability"), error))
     }
 
+    /// The goodness below which its cells are unsafe.
+    pub fn unsafe_below(&self) -> f64 {
+        self.limits.unsafe_below
+    }
+
     /// A tile of a layer, as `wire::tile` says; `None` if there is no such layer or tile. Layers
     /// that were computed on a finer grid are given at the map's own nodes.
     pub fn tile(&self, layer: &str, x: usize, y: usize) -> Result<Option<Vec<u8>>, RequestError> {

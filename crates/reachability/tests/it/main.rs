@@ -1,38 +1,26 @@
 //! Cells against closed forms, the step planner's rules and each other.
 #![allow(clippy::unwrap_used)]
 
-use std::sync::Arc;
+mod again;
+mod explain;
+mod options;
+mod oracle;
+mod scenes;
 
 use collision::{Obstacle, Scene};
 use geometry::Raster;
 use nalgebra::{Isometry3, Point2, Vector3};
 use reachability::{CellClass, ReachGrid, ReachOptions, Reason, reach};
-use rover::{Configuration, LegId, Posture, Robot};
+use rover::LegId;
 use stability::rule::Preference;
 use terrain::{ElevationMap, Source};
 
 const LEG: LegId = LegId(0);
 
-fn athlete() -> Arc<Robot> {
-    let folder = "robots/athlete/";
-    let robot = Robot::from_folder(
-        &testkit::fixture_text(&format!("{folder}robot.toml")),
-        |file| Some(testkit::fixture_text(&format!("{folder}{file}"))),
-        |_| None,
-    );
-    Arc::new(robot.unwrap())
-}
+use scenes::{athlete, standing};
 
-fn standing(robot: &Robot) -> Configuration {
-    let mut configuration = robot.pose("bent").unwrap();
-    let posture = Posture::new(robot, &configuration);
-    let low = posture.wheel(robot, LEG).lowest_point(&Vector3::z_axis());
-    configuration.world_from_base.translation.z = -low.z;
-    configuration
-}
-
-fn options() -> ReachOptions {
-    ReachOptions { resolution: 0.1, lift: 0.2, preference: Preference::Regular, workers: 2 }
+fn options() -> ReachOptions<'static> {
+    ReachOptions { resolution: 0.1, lift: 0.2, workers: 2, ..ReachOptions::default() }
 }
 
 fn reach_on(map: ElevationMap, obstacles: &[Obstacle], options: &ReachOptions) -> ReachGrid {
@@ -137,6 +125,10 @@ fn the_number_of_threads_does_not_change_the_answer_and_a_stop_ends_it() {
     let two = reach_on(level(), &[], &options());
     assert_eq!(one.class, two.class);
     assert_eq!(one.reason, two.reason);
+    let bits = |grid: &ReachGrid| -> Vec<u32> {
+        grid.missing.values().iter().chain(grid.margin.values()).map(|v| v.to_bits()).collect()
+    };
+    assert_eq!(bits(&one), bits(&two));
     let scene = Scene::new(athlete(), level(), &[]).unwrap();
     let start = standing(scene.robot());
     assert_eq!(reach(&scene, &start, 1.62, LEG, &options(), &|| true), None);

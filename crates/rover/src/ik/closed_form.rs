@@ -20,6 +20,7 @@ use arrayvec::ArrayVec;
 use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
 
 use super::{Branch, Chain, IkSolution, IkSolutions, NoSolution, Proof};
+use crate::chain::Frame;
 use crate::model::{JointKind, Leg};
 use crate::posture::LegAngles;
 
@@ -29,8 +30,18 @@ const AXIS_TOLERANCE: f64 = 1e-9;
 /// Joint angles beyond a limit by rounding alone count as on the limit (rad).
 const LIMIT_SLACK: f64 = 1e-9;
 
+/// What the cosine of the knee's bend may exceed 1 by rounding alone.
+const ROUNDING: f64 = 1e-12;
+
 /// Sine of the wrist's bend below which joints 4 and 6 turn about the same axis.
 const SINGULAR: f64 = 1e-9;
+
+/// Which solutions are asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Wanted {
+    All,
+    WithinLimits,
+}
 
 /// The closed form of one leg.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -179,24 +190,82 @@ impl LegIk {
         leg: &Leg,
         base_from_wheel: &Isometry3<f64>,
     ) -> Result<IkSolutions, NoSolution> {
-        let turned = self.plane_from_base * base_from_wheel.rotation.to_rotation_matrix().matrix();
+        self.solve_frame(leg, &Frame::from(base_from_wheel), Wanted::All)
+    }
+
+    /// As [`solve`](Self::solve), but only what is within the limits, which costs less.
+    pub fn solve_within(
+        &self,
+        leg: &Leg,
+        base_from_wheel: &Frame,
+    ) -> Result<IkSolutions, NoSolution> {
+        self.solve_frame(leg, base_from_wheel, Wanted::WithinLimits)
+    }
+
+    fn solve_frame(
+        &self,
+        leg: &Leg,
+        base_from_wheel: &Frame,
+        wanted: Wanted,
+    ) -> Result<IkSolutions, NoSolution> {
+        let all = wanted == Wanted::All;
+        let turned = self.plane_from_base * base_from_wheel.rotation;
         let (axis_5, axis_6) = (turned * self.axis_5_in_wheel, turned * self.axis_6_in_wheel);
         let mut solutions = IkSolutions::new();
-        for arm in self.arms(&(base_from_wheel * self.wheel_from_wrist))? {
+        for arm in self.arms(&base_from_wheel.point(&self.wheel_from_wrist))? {
             let placed = arm.placed(leg);
+            if !(all || placed.within_limits) {
+                continue;
+            }
             let direction = self.wrist_from_plane * arm.unturn(&axis_6);
             let bend = self.bend(&direction);
             // Axis 5 and axis 6 × axis 5 where joints 4 and 5 turn them.
             let axle = Vector3::new(0.0, -bend.sin_4, bend.cos_4);
             let wanted = self.wrist_from_plane * arm.unturn(&axis_5);
             let q6 = atan2(wanted.dot(&direction.cross(&axle)), wanted.dot(&axle));
-            solutions.push(placed.with_wrist(leg, false, [bend.q4, bend.q5, q6]));
+            let mut give = |solution: IkSolution| {
+                if all || solution.within_limits {
+                    solutions.push(solution);
+                }
+            };
+            give(placed.with_wrist(leg, false, [bend.q4, bend.q5, q6]));
             if let Some(q5) = bend.q5_flipped {
                 let (q4, q6) = (opposite(bend.q4), opposite(q6));
-                solutions.push(placed.with_wrist(leg, true, [q4, q5, q6]));
+                give(placed.with_wrist(leg, true, [q4, q5, q6]));
             }
         }
         Ok(solutions)
+    }
+
+    /// Where the wrist is in the wheel's frame.
+    pub fn wheel_from_wrist(&self) -> Point3<f64> {
+        self.wheel_from_wrist
+    }
+
+    /// How far a wrist misses what thigh and calf can reach (m), whatever the limits: where this is
+    /// zero, and only there, [`solve`](Self::solve) has an answer.
+    pub fn missed(&self, wrist: &Point3<f64>) -> f64 {
+        let from_hip = self.plane_from_base * (wrist - self.hip);
+        let radius_squared = from_hip.x * from_hip.x + from_hip.y * from_hip.y;
+        let forward_squared = radius_squared - self.offset * self.offset;
+        if forward_squared < 0.0 {
+            return self.offset.abs() - radius_squared.sqrt();
+        }
+        let forward = forward_squared.sqrt();
+        let w = from_hip.z - self.shoulder.z;
+        let square = |f: f64| (f - self.shoulder.x) * (f - self.shoulder.x) + w * w;
+        self.overreach(square(forward)).min(self.overreach(square(-forward)))
+    }
+
+    /// How far a wrist is beyond the reach of thigh and calf (m), from the square of its distance.
+    fn overreach(&self, square: f64) -> f64 {
+        let (l1, l2) = (self.thigh, self.calf);
+        let cosine = (square - l1 * l1 - l2 * l2) / (2.0 * l1 * l2);
+        if cosine.abs() <= 1.0 + ROUNDING {
+            return 0.0;
+        }
+        let distance = square.sqrt();
+        if cosine > 0.0 { distance - l1 - l2 } else { (l1 - l2).abs() - distance }
     }
 
     /// As [`solve`](Self::solve) for a wheel center and the direction of the last axis, the spin
@@ -274,9 +343,8 @@ impl LegIk {
         let (l1, l2) = (self.thigh, self.calf);
         let square = x * x + w * w;
         let cosine = (square - l1 * l1 - l2 * l2) / (2.0 * l1 * l2);
-        if cosine.abs() > 1.0 + 1e-12 {
-            let distance = square.sqrt();
-            return Err(if cosine > 0.0 { distance - l1 - l2 } else { (l1 - l2).abs() - distance });
+        if cosine.abs() > 1.0 + ROUNDING {
+            return Err(self.overreach(square));
         }
         let cosine = cosine.clamp(-1.0, 1.0);
         let bend = cosine.acos();

@@ -6,7 +6,7 @@ use geometry::wrap_to_pi;
 use nalgebra::{Isometry3, Point3, Unit, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rover::{Configuration, LegAngles, LegId, Posture, Robot};
+use rover::{Configuration, Frame, LegAngles, LegId, Posture, Robot};
 
 use crate::athlete;
 
@@ -214,6 +214,37 @@ fn solutions_for_an_axis_point_the_fork_along_it() {
             assert!((x - fork.into_inner()).norm() < 1e-9);
         }
     }
+}
+
+#[test]
+fn the_quick_questions_answer_as_all_branches_do() {
+    let robot = athlete();
+    let mut rng = ChaCha8Rng::seed_from_u64(12);
+    let (mut n_within, mut n_missed) = (0, 0);
+    for _ in 0..3_000 {
+        let leg = robot.leg(LegId(rng.random_range(0..6)));
+        let to = Vector3::from_fn(|_, _| rng.random_range(-3.5..3.5));
+        let turn = Vector3::from_fn(|_, _| rng.random_range(-3.0..3.0));
+        let wheel = Isometry3::new(to, turn);
+        let frame = Frame::from(&wheel);
+        let ik = leg.ik.closed_form().unwrap();
+        let missed = ik.missed(&frame.point(&ik.wheel_from_wrist()));
+        match leg.ik.solve(leg, &wheel) {
+            Ok(mut all) => {
+                assert_eq!(missed, 0.0);
+                all.retain(|s| s.within_limits);
+                n_within += all.len();
+                let within = leg.ik.solve_within(leg, &frame).unwrap();
+                assert_eq!(within, all);
+            }
+            Err(none) => {
+                n_missed += 1;
+                assert!((missed - none.distance).abs() < 1e-12, "{missed} {none:?}");
+                assert!(leg.ik.solve_within(leg, &frame).is_err());
+            }
+        }
+    }
+    assert!(n_within > 100 && n_missed > 1_000, "{n_within} {n_missed}");
 }
 
 #[test]

@@ -96,7 +96,12 @@ fn step_request(scene: &Scene, request: &PlanRequest) -> Result<StepRequest, Req
     };
     let lift_m = request.lift_m.unwrap_or(LIFT_M * robot.scale());
     step.lift = check::within(&At::root("lift_m"), lift_m, LIFT_RANGE_M, " m")?;
-    step.preference = preference(&At::root("stability"), request.stability)?;
+    step.preference = preference(request.stability);
+    if step.preference == Preference::Friction {
+        let text = "is \"friction\", which planning does not do yet; take \"regular\" or \
+                    \"conservative\"";
+        return Err(RequestError::at("not_supported", &At::root("stability"), text));
+    }
     let at = At::root("tolerances");
     let tolerance = |name: &str, value: Option<f64>| {
         value.map(|v| check::within(&at.field(name), v, [0.0, 1.0], " m")).transpose()

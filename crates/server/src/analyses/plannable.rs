@@ -28,7 +28,7 @@ pub fn plannable(
 ) -> Result<(), RequestError> {
     let scene = context.scene(&At::root("scene"), &WireScene::default())?;
     let id = convert::leg(&At::root("leg"), scene.robot(), leg)?;
-    let preference = preference(&At::root("stability"), stability)?;
+    let preference = preference(stability);
     let posture = rover::Posture::new(scene.robot(), &scene.configuration);
     let foot = posture.wheel(scene.robot(), id).center();
     let place = |i: usize, cells: &ReachabilityCells| {

@@ -1,18 +1,25 @@
 //! Where legs can stand.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
-use reachability::{ReachGrid, ReachOptions, reach};
+use nalgebra::Point2;
+use reachability::{
+    GroundClasses, Mend, Obstruction, ReachGrid, ReachOptions, WheelHeading, explain, reach_legs,
+};
 use stability::Preference;
 use wire::analysis::{
+    CellExplanation, CellExplanationRequest, CellMend, REACH_CLASSES, REACH_REASONS,
     ReachabilityAnswer, ReachabilityCells, ReachabilityLegend, ReachabilityRequest,
     StabilityPreference,
 };
 use wire::check::{self, At, RequestError};
 use wire::convert;
+use wire::scene::Scene as WireScene;
 
 use crate::scene::{Context, Scene};
 use crate::stop::Stop;
+use crate::terrain_store::Version;
 
 /// Lift where the request gives none, for a robot of scale 1 (m).
 pub const LIFT_M: f64 = 0.2;
@@ -33,13 +40,17 @@ pub fn reachability(
 ) -> Result<Reached, RequestError> {
     let scene = context.scene(&At::root("scene"), &request.scene)?;
     let robot = scene.robot();
-    let scale = robot.scale();
-    let resolution_m = request.resolution_m.unwrap_or(RESOLUTION_M * scale);
+    let asked = Asked {
+        lift_m: request.lift_m,
+        stability: request.stability,
+        unsafe_ground: request.unsafe_ground,
+        wheel_heading_rad: request.wheel_heading_rad,
+    };
+    let ground = Ground::of(context, &request.scene);
+    let options = asked.options(&scene, ground.as_ref())?;
+    let resolution_m = request.resolution_m.unwrap_or(RESOLUTION_M * robot.scale());
     let resolution = check::within(&At::root("resolution_m"), resolution_m, [0.001, 10.0], " m")?;
-    let lift_m = request.lift_m.unwrap_or(LIFT_M * scale);
-    let lift = check::within(&At::root("lift_m"), lift_m, LIFT_RANGE_M, " m")?;
-    let preference = preference(&At::root("stability"), request.stability)?;
-    let options = ReachOptions { resolution, lift, preference, workers };
+    let options = ReachOptions { resolution, workers, ..options };
     let names = match &request.legs {
         Some(names) => names.clone(),
         None => robot.legs().iter().map(|leg| leg.name.clone()).collect(),
@@ -50,28 +61,128 @@ pub fn reachability(
     let legs = names.iter().enumerate();
     let legs: Vec<_> =
         legs.map(|(i, name)| convert::leg(&at.index(i), robot, name)).collect::<Result<_, _>>()?;
-    names
-        .into_iter()
-        .zip(legs)
-        .map(|(name, leg)| Ok((name, of_leg(&scene, leg, &options, stop)?)))
-        .collect()
-}
-
-fn of_leg(
-    scene: &Scene,
-    leg: rover::LegId,
-    options: &ReachOptions,
-    stop: &Stop,
-) -> Result<ReachabilityCells, RequestError> {
-    let asked = || stop.asked();
-    let grid = reach(&scene.solid, &scene.configuration, scene.gravity, leg, options, &asked);
-    match grid {
-        Some(grid) => Ok(cells(&grid)),
+    let (solid, configuration) = (&scene.solid, &scene.configuration);
+    let ended = || stop.asked();
+    match reach_legs(solid, configuration, scene.gravity, &legs, &options, &ended) {
+        Some(grids) => Ok(names.into_iter().zip(grids.iter().map(cells)).collect()),
         None => {
             stop.check()?;
             let text = "is too fine: the leg's reach would have more than 1 000 000 cells";
             Err(RequestError::at("too_many", &At::root("resolution_m"), text))
         }
+    }
+}
+
+/// What reachability and the explanation of a cell are asked alike.
+struct Asked {
+    lift_m: Option<f64>,
+    stability: StabilityPreference,
+    unsafe_ground: bool,
+    wheel_heading_rad: Option<f64>,
+}
+
+impl Asked {
+    fn options<'a>(
+        &self,
+        scene: &Scene,
+        ground: Option<&'a Ground>,
+    ) -> Result<ReachOptions<'a>, RequestError> {
+        let lift_m = self.lift_m.unwrap_or(LIFT_M * scene.robot().scale());
+        let heading = match self.wheel_heading_rad {
+            None => WheelHeading::Free,
+            Some(yaw) => {
+                let at = At::root("wheel_heading_rad");
+                WheelHeading::Fixed(check::within(&at, yaw, [-10.0, 10.0], " rad")?)
+            }
+        };
+        Ok(ReachOptions {
+            lift: check::within(&At::root("lift_m"), lift_m, LIFT_RANGE_M, " m")?,
+            preference: preference(self.stability),
+            friction: scene.friction,
+            heading,
+            ground: ground.filter(|_| !self.unsafe_ground).and_then(Ground::classes),
+            ..ReachOptions::default()
+        })
+    }
+}
+
+/// The server's own map, if it is the ground of a request.
+struct Ground(Arc<Version>);
+
+impl Ground {
+    fn of(context: &Context, scene: &WireScene) -> Option<Ground> {
+        let live = context.live.as_ref().filter(|_| scene.terrain.is_none())?;
+        Some(Ground(live.version.clone()))
+    }
+
+    /// Its traversability, if it has been computed.
+    fn classes(&self) -> Option<GroundClasses<'_>> {
+        let layers = self.0.layers().ok()?;
+        Some(GroundClasses { layers, unsafe_below: self.0.unsafe_below() })
+    }
+}
+
+/// Why a leg can not stand at a place, and what would help.
+pub fn explain_cell(
+    context: &Context,
+    request: &CellExplanationRequest,
+) -> Result<CellExplanation, RequestError> {
+    let scene = context.scene(&At::root("scene"), &request.scene)?;
+    let robot = scene.robot();
+    let leg = convert::leg(&At::root("leg"), robot, &request.leg)?;
+    let asked = Asked {
+        lift_m: request.lift_m,
+        stability: request.stability,
+        unsafe_ground: request.unsafe_ground,
+        wheel_heading_rad: request.wheel_heading_rad,
+    };
+    let ground = Ground::of(context, &request.scene);
+    let options = asked.options(&scene, ground.as_ref())?;
+    let [x, y] = request.position_m;
+    check::position(&At::root("position_m"), [x, y, 0.0])?;
+    let (solid, configuration) = (&scene.solid, &scene.configuration);
+    let p = Point2::new(x, y);
+    let found = explain(solid, configuration, scene.gravity, leg, p, &options)
+        .ok_or_else(|| RequestError::at("not_finite", &At::root("position_m"), "is no place"))?;
+    let (obstruction, obstruction_at_m) = found.obstruction.as_ref().map_or((None, None), named);
+    Ok(CellExplanation {
+        class: REACH_CLASSES[found.class as usize].into(),
+        reason: REACH_REASONS[found.reason as usize].into(),
+        missing: found.missing,
+        margin_m: found.margin_m,
+        obstruction,
+        obstruction_at_m,
+        mends: found.mends.iter().map(mend).collect(),
+        text: found.text,
+    })
+}
+
+/// What stands in the way, and where.
+fn named(obstruction: &Obstruction) -> (Option<String>, Option<[f64; 3]>) {
+    let text = match obstruction {
+        Obstruction::Joint { joint, overrun } => {
+            format!("{joint} would be {overrun:.2} rad beyond its limit")
+        }
+        Obstruction::Torque { joint, ratio } => {
+            format!("{joint} would bear {:.0} % of its torque limit", 100.0 * ratio.abs())
+        }
+        Obstruction::Bodies { link, other, distance, required, lifted, .. } => {
+            let place = if *lifted { " at the waypoint above" } else { "" };
+            format!("{link} would be {distance:.2} m from {other}{place}; {required:.2} m are kept")
+        }
+        Obstruction::Stance { text, .. } => text.clone(),
+    };
+    let at = match obstruction {
+        Obstruction::Bodies { place, .. } => Some(convert::point(place)),
+        _ => None,
+    };
+    (Some(text), at)
+}
+
+fn mend(mend: &Mend) -> CellMend {
+    match mend {
+        Mend::Shift(by) => CellMend { shift_m: Some((*by).into()), place_m: None },
+        Mend::Place { at, .. } => CellMend { shift_m: None, place_m: Some([at.x, at.y]) },
     }
 }
 
@@ -96,25 +207,18 @@ pub fn reachability_answer(reached: &Reached) -> ReachabilityAnswer {
 }
 
 /// The preference of a request, in the domain's terms.
-pub fn preference(
-    at: &At<'_>,
-    preference: StabilityPreference,
-) -> Result<Preference, RequestError> {
+pub fn preference(preference: StabilityPreference) -> Preference {
     match preference {
-        StabilityPreference::Regular => Ok(Preference::Regular),
-        StabilityPreference::Conservative => Ok(Preference::Conservative),
-        StabilityPreference::Friction => {
-            let text = "is \"friction\", which this version does not do; take \"regular\" or \
-                        \"conservative\"";
-            Err(RequestError::at("not_supported", at, text))
-        }
+        StabilityPreference::Regular => Preference::Regular,
+        StabilityPreference::Conservative => Preference::Conservative,
+        StabilityPreference::Friction => Preference::Friction,
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use reachability::{CellClass, Reason};
-    use wire::analysis::{REACH_CLASSES, REACH_REASONS};
 
     #[test]
     fn the_names_on_the_wire_are_those_of_the_domain() {
@@ -127,5 +231,8 @@ mod tests {
         assert_eq!(reason(Reason::Settlement), "settlement");
         assert_eq!(reason(Reason::LiftCollides), "lift_collision");
         assert_eq!(reason(Reason::StartLift), "start_lift");
+        assert_eq!(reason(Reason::Traversability), "traversability");
+        assert_eq!(Reason::ALL.len(), REACH_REASONS.len());
+        assert_eq!(CellClass::ALL.len(), REACH_CLASSES.len());
     }
 }

@@ -7,9 +7,10 @@ use axum::response::{IntoResponse, Response};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 use wire::analysis::{
-    InverseKinematicsAnswer, InverseKinematicsRequest, KinematicsAnswer, KinematicsRequest,
-    PlanAnswer, PlanRequest, ReachabilityAnswer, ReachabilityRequest, StabilityAnswer,
-    StabilityRequest, TraversabilityAnswer, TraversabilityRequest,
+    CellExplanation, CellExplanationRequest, InverseKinematicsAnswer, InverseKinematicsRequest,
+    KinematicsAnswer, KinematicsRequest, PlanAnswer, PlanRequest, ReachabilityAnswer,
+    ReachabilityRequest, StabilityAnswer, StabilityRequest, TraversabilityAnswer,
+    TraversabilityRequest,
 };
 use wire::check::RequestError;
 use wire::resources::ErrorBody;
@@ -30,6 +31,7 @@ pub fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(inverse_kinematics))
         .routes(routes!(stability))
         .routes(routes!(reachability))
+        .routes(routes!(reachability_cell))
         .routes(routes!(traversability))
         .routes(routes!(plan))
 }
@@ -125,6 +127,21 @@ async fn reachability(
         return Ok(binary(reached.iter().flat_map(|(_, cells)| cells.to_binary()).collect()));
     }
     Ok(Json(analyses::reachability_answer(&reached)).into_response())
+}
+
+/// Why a leg can not stand at a place, and what would help: each mend has been tried.
+#[utoipa::path(
+    post, path = "/analysis/reachability/cell", tag = "analysis",
+    request_body = CellExplanationRequest,
+    responses((status = 200, body = CellExplanation), (status = 422, body = ErrorBody))
+)]
+async fn reachability_cell(
+    State(app): State<AppState>,
+    Body(request): Body<CellExplanationRequest>,
+) -> Result<Json<CellExplanation>, ApiError> {
+    let deadline_s = request.deadline_s;
+    let work = move |context: &Context, _: &Stop| analyses::explain_cell(context, &request);
+    compute(&app, deadline_s, work).await.map(Json)
 }
 
 /// Where a foot can stand on a ground. With `Accept: application/octet-stream` six planes of f32.

@@ -13,7 +13,6 @@ use wire::check::At;
 use wire::live::{JobReport, LinkConfig, LinkReport, ReachSummary};
 use wire::resources::{ErrorBody, EstopAnswer, EstopReleaseRequest, RoverAnswer};
 
-use crate::analyses;
 use crate::app::AppState;
 use crate::body::{Body, Operator, OptionalBody, Path};
 use crate::error::ApiError;
@@ -106,7 +105,6 @@ async fn prefer_reach(
     State(app): State<AppState>,
     Body(request): Body<LiveReachRequest>,
 ) -> Result<Json<ReachSummary>, ApiError> {
-    analyses::preference(&At::root("stability"), request.stability)?;
     app.reach.prefer(request.stability);
     Ok(Json(app.reach.summary()))
 }

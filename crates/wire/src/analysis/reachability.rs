@@ -61,6 +61,14 @@ pub struct ReachabilityRequest {
     /// What must hold while the leg is up.
     #[serde(default)]
     pub stability: StabilityPreference,
+    /// Take ground that is unsafe for a wheel too. Otherwise it is refused where that is known: on
+    /// the server's own map.
+    #[serde(default)]
+    pub unsafe_ground: bool,
+    /// Heading (rad, from x towards y) in which the wheel is to roll where it is put down; any where
+    /// absent.
+    #[serde(default)]
+    pub wheel_heading_rad: Option<f64>,
     /// Time allowed (s), 0.001 to 3600; 30 where absent.
     #[serde(default)]
     pub deadline_s: Option<f64>,
@@ -78,8 +86,73 @@ pub enum StabilityPreference {
     Regular,
     /// Beside these, the full loss of any one standing leg.
     Conservative,
-    /// The friction polygon's margin: not supported by this version.
+    /// Beside the regular rule, the robot's regular margin also within the region that friction
+    /// holds.
     Friction,
+}
+
+/// `POST /analysis/reachability/cell`: why a leg can not stand at a place, and what would help.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CellExplanationRequest {
+    /// Robot, ground, obstacles, state.
+    #[serde(default)]
+    pub scene: Scene,
+    /// The leg.
+    pub leg: String,
+    /// The place `[x, y]` in `world` (m).
+    pub position_m: [f64; 2],
+    /// Height of the waypoints above start and footfall (m), 0 to 2; 0.2 times the robot's scale
+    /// where absent.
+    #[serde(default)]
+    pub lift_m: Option<f64>,
+    /// What must hold while the leg is up.
+    #[serde(default)]
+    pub stability: StabilityPreference,
+    /// Take ground that is unsafe for a wheel too.
+    #[serde(default)]
+    pub unsafe_ground: bool,
+    /// Heading (rad) in which the wheel is to roll; any where absent.
+    #[serde(default)]
+    pub wheel_heading_rad: Option<f64>,
+    /// Time allowed (s), 0.001 to 3600; 30 where absent.
+    #[serde(default)]
+    pub deadline_s: Option<f64>,
+    /// Work budget: taken by every request, without effect where all of the work is done anyway.
+    #[serde(default)]
+    pub budget: Option<u64>,
+}
+
+/// Answer to [`CellExplanationRequest`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct CellExplanation {
+    /// Name of the class.
+    pub class: String,
+    /// Name of the reason.
+    pub reason: String,
+    /// What is missing, in the reason's measure (m, rad, or a share).
+    pub missing: Option<f64>,
+    /// Regular margin with the leg there (m).
+    pub margin_m: Option<f64>,
+    /// What stands in the way, by name: a joint, two bodies, or the rule of the stance.
+    pub obstruction: Option<String>,
+    /// Where two bodies are too near to each other (m).
+    pub obstruction_at_m: Option<[f64; 3]>,
+    /// What would help, each of it tried; nearest first.
+    pub mends: Vec<CellMend>,
+    /// All of it in one or two sentences.
+    pub text: String,
+}
+
+/// Something that would help.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct CellMend {
+    /// A shift of the body over its planted wheels, in `world` (m); upward is standing taller.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shift_m: Option<[f64; 3]>,
+    /// Another place `[x, y]` (m) that the leg can reach.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub place_m: Option<[f64; 2]>,
 }
 
 /// `PUT /rover/reachability`: for which preference it is kept up to date.

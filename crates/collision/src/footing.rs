@@ -1,0 +1,269 @@
+//! One place of ground looked at for one wheel: the orientations in which it may be put down there.
+//!
+//! Each orientation is turned down by the quickest question first: whether the wrist would be out of
+//! reach, then how the wheel sits on the ground, then whether there are joint angles. The wheel is the
+//! same solid whatever the pitch of its fork, so it is seated once a yaw.
+
+use std::f64::consts::PI;
+
+use arrayvec::ArrayVec;
+use nalgebra::{Matrix3, Point2, Point3, Translation3, UnitQuaternion, Vector3};
+use rover::{Frame, Leg, LegAngles, LegId, LinkId, MAX_SOLUTIONS, NoSolution, Posture, WheelPose};
+
+use crate::scene::Scene;
+use crate::touchdown::{FootfallPlace, Touchdown, footfall_place};
+use crate::wheel::{contact_center, wheel_ground};
+
+/// Yaws tried about the ground's normal (rad), from the one that keeps the knee roll small.
+const YAWS: [f64; 7] = [0.0, 0.524, -0.524, 1.047, -1.047, 1.571, -1.571];
+/// The axle along a given line, either way.
+const FIXED_YAWS: [f64; 2] = [0.0, PI];
+/// Pitches of the fork tried about the axle (rad), 0 being along the normal.
+const FORK_PITCHES: [f64; 5] = [0.0, 0.262, -0.262, 0.524, -0.524];
+/// Most that seating may shift a wheel, as a share of its radius: beyond, the ground under it is
+/// no place for a wheel.
+const SEATING_SHIFT: f64 = 0.5;
+
+/// Which way a wheel may roll where it is put down.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum WheelHeading {
+    /// Any: yaw about the contact's normal is free (F47).
+    #[default]
+    Free,
+    /// Along this direction, seen from above and counted from x of `world` (rad) (F44), or against
+    /// it, which is the same for a wheel.
+    Fixed(f64),
+}
+
+/// A leg whose base stands, prepared for looking at many places.
+pub struct Footings<'a> {
+    scene: &'a Scene,
+    posture: &'a Posture,
+    leg: LegId,
+    model: &'a Leg,
+    base_from_world: Frame,
+    heading: WheelHeading,
+    /// Sine and cosine of the yaws and of the fork's pitches that are tried.
+    yaws: ArrayVec<(f64, f64), { YAWS.len() }>,
+    fork_pitches: ArrayVec<(f64, f64), { FORK_PITCHES.len() }>,
+}
+
+/// Where a wheel sits on the ground.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Seat {
+    /// How far it was shifted upward for that (m).
+    pub shift: f64,
+    /// Where it touches, in `world` (m).
+    pub contact: Point3<f64>,
+}
+
+/// Why a wheel does not sit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum NoSeat {
+    /// The ground below it is unknown.
+    Unknown,
+    /// It would have to be shifted by this much (m), which is too far.
+    Uneven(f64),
+}
+
+impl<'a> Footings<'a> {
+    /// Prepares `leg` with the base as in `posture`.
+    pub fn new(
+        scene: &'a Scene,
+        posture: &'a Posture,
+        leg: LegId,
+        heading: WheelHeading,
+    ) -> Footings<'a> {
+        let model = scene.robot().leg(leg);
+        // Where the leg cannot choose the orientation, one stands for all.
+        let (yaws, fork_pitches) = match heading {
+            _ if !model.ik.fixes_orientation() => (&YAWS[..1], &FORK_PITCHES[..1]),
+            WheelHeading::Free => (&YAWS[..], &FORK_PITCHES[..]),
+            WheelHeading::Fixed(_) => (&FIXED_YAWS[..], &FORK_PITCHES[..]),
+        };
+        let table = |angles: &[f64]| angles.iter().map(|angle| angle.sin_cos()).collect();
+        let (yaws, fork_pitches) =
+            (table(yaws), fork_pitches.iter().map(|a| a.sin_cos()).collect());
+        let base_from_world = Frame::from(&posture.link(LinkId(0)).inverse());
+        Footings { scene, posture, leg, model, base_from_world, heading, yaws, fork_pitches }
+    }
+
+    /// Number of orientations that are tried in a place.
+    pub fn n_orientations(&self) -> usize {
+        self.yaws.len() * self.fork_pitches.len()
+    }
+
+    /// Number of an orientation's yaw: those that share it are of the same solid wheel.
+    pub fn yaw_of(&self, orientation: usize) -> usize {
+        orientation / self.fork_pitches.len()
+    }
+
+    /// The place at `p`; none where its ground is unknown, or so steep that a wheel has no axle
+    /// across.
+    pub fn at(&self, p: Point2<f64>) -> Option<Footing<'_>> {
+        let place = footfall_place(self.scene, self.leg, p)?;
+        let hip = self.posture.link(self.model.links[0]).translation.vector;
+        let heading = match self.heading {
+            WheelHeading::Free => {
+                let across = Vector3::z().cross(&Vector3::new(p.x - hip.x, p.y - hip.y, 0.0));
+                if across.norm() > 1e-6 { across } else { Vector3::y() }
+            }
+            WheelHeading::Fixed(yaw) => Vector3::new(-yaw.sin(), yaw.cos(), 0.0),
+        };
+        let normal = place.normal.into_inner();
+        let axle = (heading - normal * normal.dot(&heading)).try_normalize(1e-9)?;
+        let across = normal.cross(&axle);
+        Some(Footing { of: self, place, axle, across, seats: ArrayVec::new_const() })
+    }
+}
+
+/// One place.
+pub struct Footing<'a> {
+    of: &'a Footings<'a>,
+    /// The ground there.
+    pub place: FootfallPlace,
+    /// The axle at yaw zero, and the direction that it turns to.
+    axle: Vector3<f64>,
+    across: Vector3<f64>,
+    /// By yaw, those that have been asked for.
+    seats: ArrayVec<(usize, Result<Seat, NoSeat>), { YAWS.len() }>,
+}
+
+impl Footing<'_> {
+    /// The wheel in an orientation, before it is seated: its rotation, fork, axle and what is across
+    /// both, and its center one radius above the ground.
+    fn frame(&self, orientation: usize) -> Frame {
+        let n_pitches = self.of.fork_pitches.len();
+        let (yaw, pitch) =
+            (self.of.yaws[orientation / n_pitches], self.of.fork_pitches[orientation % n_pitches]);
+        let normal = self.place.normal.into_inner();
+        let axle = turned(&self.axle, &self.across, yaw);
+        let fork = turned(&-normal, &normal.cross(&axle), pitch);
+        Frame {
+            rotation: Matrix3::from_columns(&[fork, axle, fork.cross(&axle)]),
+            origin: self.place.ground.coords + normal * self.of.model.wheel.radius,
+        }
+    }
+
+    /// How far the wrist is out of reach in an orientation before the wheel is seated (m); zero where
+    /// it is not known to be.
+    pub fn missed(&self, orientation: usize) -> f64 {
+        let Some(ik) = self.of.model.ik.closed_form() else { return 0.0 };
+        let wrist = self.frame(orientation).point(&ik.wheel_from_wrist());
+        ik.missed(&self.of.base_from_world.point(&wrist))
+    }
+
+    /// How the wheel sits in an orientation: shifted along z until it just touches.
+    pub fn seat(&mut self, orientation: usize) -> Result<Seat, NoSeat> {
+        let yaw = self.of.yaw_of(orientation);
+        if let Some((_, seat)) = self.seats.iter().find(|(of, _)| *of == yaw) {
+            return *seat;
+        }
+        let seat = self.seated(&self.wheel(&self.frame(orientation)));
+        // There is a place for each yaw.
+        self.seats.push((yaw, seat));
+        seat
+    }
+
+    fn seated(&self, wheel: &WheelPose) -> Result<Seat, NoSeat> {
+        let map = self.of.scene.map();
+        let below = wheel_ground(wheel, map, |_| true);
+        let gap = below.nearest.filter(|_| !below.unknown).ok_or(NoSeat::Unknown)?;
+        if gap.gap.abs() > SEATING_SHIFT * wheel.radius {
+            return Err(NoSeat::Uneven(gap.gap.abs()));
+        }
+        let lift = Translation3::new(0.0, 0.0, -gap.gap);
+        let seated = WheelPose { world_from_wheel: lift * wheel.world_from_wheel, ..*wheel };
+        Ok(Seat { shift: -gap.gap, contact: contact_center(&seated, map, &gap) })
+    }
+
+    fn wheel(&self, frame: &Frame) -> WheelPose {
+        let wheel = &self.of.model.wheel;
+        let rotation = nalgebra::Rotation3::from_matrix_unchecked(frame.rotation);
+        WheelPose {
+            world_from_wheel: nalgebra::Isometry3::from_parts(
+                frame.origin.into(),
+                UnitQuaternion::from_rotation_matrix(&rotation),
+            ),
+            radius: wheel.radius,
+            width: wheel.width,
+            ball: wheel.ball,
+        }
+    }
+
+    /// The wheel in an orientation before it is seated, its center one radius above the ground.
+    pub fn unseated_wheel(&self, orientation: usize) -> WheelPose {
+        self.wheel(&self.frame(orientation))
+    }
+
+    /// The seated wheel in an orientation.
+    pub fn seated_wheel(&self, orientation: usize, seat: &Seat) -> WheelPose {
+        self.wheel(&self.seated_frame(orientation, seat, 0.0))
+    }
+
+    /// Number of orientations.
+    pub(crate) fn n_orientations(&self) -> usize {
+        self.of.n_orientations()
+    }
+
+    /// The wheel in an orientation before it is seated, in `world`.
+    pub(crate) fn unseated(&self, orientation: usize) -> Frame {
+        self.frame(orientation)
+    }
+
+    /// The wheel `lift` (m) above its seat, in `world`.
+    pub(crate) fn seated_frame(&self, orientation: usize, seat: &Seat, lift: f64) -> Frame {
+        let mut frame = self.frame(orientation);
+        frame.origin.z += seat.shift + lift;
+        frame
+    }
+
+    /// Joint angles within the limits that hold the wheel in an orientation, `lift` (m) above its
+    /// seat.
+    pub fn angles(
+        &self,
+        orientation: usize,
+        seat: &Seat,
+        lift: f64,
+    ) -> Result<ArrayVec<LegAngles, MAX_SOLUTIONS>, NoSolution> {
+        let frame = self.seated_frame(orientation, seat, lift);
+        let model = self.of.model;
+        let solutions = model.ik.solve_within(model, &self.of.base_from_world.after(&frame))?;
+        Ok(solutions.into_iter().map(|s| s.angles).collect())
+    }
+
+    /// The wheel put down with these joint angles, which came from [`angles`](Self::angles); none if
+    /// the orientation that the leg gives the wheel is none to stand in.
+    pub fn touchdown(
+        &self,
+        orientation: usize,
+        seat: &Seat,
+        angles: LegAngles,
+    ) -> Option<Touchdown> {
+        let place = self.place;
+        if self.of.model.ik.fixes_orientation() {
+            let wheel = self.seated_wheel(orientation, seat);
+            return Some(Touchdown { place, wheel, contact: seat.contact, angles });
+        }
+        let robot = self.of.scene.robot();
+        let wheel = self.of.posture.with_leg(robot, self.of.leg, &angles).wheel(robot, self.of.leg);
+        let contact = self.stands(&wheel)?;
+        Some(Touchdown { place, wheel, contact, angles })
+    }
+
+    /// Where a wheel touches whose orientation the leg's joints gave it: none if it does not stand
+    /// there by the robot's rules. A ball stands wherever it was put.
+    fn stands(&self, wheel: &WheelPose) -> Option<Point3<f64>> {
+        let map = self.of.scene.map();
+        let below = wheel_ground(wheel, map, |_| true);
+        let gap = below.nearest.filter(|_| !below.unknown)?;
+        let rules = self.of.scene.robot().stance();
+        let level = wheel.camber(&self.place.normal) <= rules.camber_limit;
+        (level && gap.gap.abs() <= rules.ground_tolerance).then(|| contact_center(wheel, map, &gap))
+    }
+}
+
+/// `from` turned by an angle, of which sine and cosine are given, toward `to`, which is perpendicular to it.
+fn turned(from: &Vector3<f64>, to: &Vector3<f64>, (sin, cos): (f64, f64)) -> Vector3<f64> {
+    from * cos + to * sin
+}
