@@ -38,7 +38,7 @@ pub use checker::{Allowance, ContactZone, Keep, LegChecker, Touch, Violation};
 pub use clearance::Clearance;
 pub use footing::{Footing, Footings, NoSeat, Seat, WheelHeading};
 pub use pairs::Body;
-pub use quick::QuickChecker;
+pub use quick::{Hint, QuickChecker};
 pub use scene::{Obstacle, Scene, SceneError};
 pub use survey::{PairDistance, Survey, ground_normal, survey};
 pub use touchdown::{

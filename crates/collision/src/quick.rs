@@ -5,20 +5,21 @@ use rover::{LegChain, LegFrames};
 use crate::checker::{Allowance, LegChecker, Moment, Scratch, Touch};
 use crate::look::Look;
 
+/// What was in the way last, of a configuration like the next one. Starts as nothing in particular.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Hint(usize);
+
 /// Answers as [`LegChecker::violation_at`] does whether a configuration is free; where it is not, it
 /// names some violation, not the first. Holds what checks can use again.
 pub struct QuickChecker<'c> {
     checker: &'c LegChecker<'c>,
     scratch: Scratch,
-    /// All that is looked at, by its number: what was in the way last comes first.
-    order: Vec<u16>,
 }
 
 impl<'c> QuickChecker<'c> {
     /// Prepares quick checks.
     pub fn new(checker: &'c LegChecker<'c>) -> QuickChecker<'c> {
-        let order = (0..checker.items.len() as u16).collect();
-        QuickChecker { checker, scratch: Scratch::new(checker), order }
+        QuickChecker { checker, scratch: Scratch::new(checker) }
     }
 
     /// The kinematics of the moving leg.
@@ -28,20 +29,40 @@ impl<'c> QuickChecker<'c> {
 
     /// Something nearer than it may be; `None` if all is free. `frames` are of the checker's
     /// [`chain`](Self::chain).
-    pub fn touch(&mut self, frames: &LegFrames, allowance: Allowance) -> Option<Touch> {
+    pub fn touch(
+        &mut self,
+        frames: &LegFrames,
+        allowance: Allowance,
+        hint: &mut Hint,
+    ) -> Option<Touch> {
+        if let Some(touch) = self.touch_at(frames, allowance, *hint) {
+            return Some(touch);
+        }
         let moment = Moment::still(frames, allowance);
-        self.scratch.clear();
         let (checker, scratch) = (self.checker, &mut self.scratch);
-        let mut found = None;
-        for (place, item) in self.order.iter().enumerate() {
-            let item = &checker.items[*item as usize];
+        for (place, item) in checker.items.iter().enumerate().filter(|(place, _)| *place != hint.0)
+        {
             if let Look::Violated(violation) = checker.look(&moment, item, scratch) {
-                found = Some((place, violation.touch));
-                break;
+                *hint = Hint(place);
+                return Some(violation.touch);
             }
         }
-        let (place, touch) = found?;
-        self.order[..=place].rotate_right(1);
-        Some(touch)
+        None
+    }
+
+    /// As [`touch`](Self::touch), but looks only at what the hint says.
+    pub fn touch_at(
+        &mut self,
+        frames: &LegFrames,
+        allowance: Allowance,
+        hint: Hint,
+    ) -> Option<Touch> {
+        self.scratch.clear();
+        let item = self.checker.items.get(hint.0)?;
+        let moment = Moment::still(frames, allowance);
+        match self.checker.look(&moment, item, &mut self.scratch) {
+            Look::Violated(violation) => Some(violation.touch),
+            Look::Clear | Look::Open => None,
+        }
     }
 }

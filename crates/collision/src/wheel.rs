@@ -5,9 +5,13 @@
 //! (x, y). The smallest vertical gap tells all: positive above, zero touching, negative inside;
 //! and lifting the wheel by d raises it by d.
 
-use nalgebra::{Point2, Point3, Unit, Vector2, Vector3};
+mod underside;
+
+use nalgebra::{Point2, Point3, Unit, Vector3};
 use rover::WheelPose;
 use terrain::ElevationMap;
+
+use self::underside::Underside;
 
 /// Golden-section steps along a grid edge: 20 shrink the bracket to 7e-5 of its length, and the
 /// gap is quadratic about its minimum.
@@ -186,145 +190,6 @@ impl Cylinder {
     }
 }
 
-/// A bound of the wheel's lower side from below, for squares and edges of the grid.
-struct Underside {
-    center: Point3<f64>,
-    /// The lowest point of all (m).
-    lowest: f64,
-    radius: f64,
-    /// None for a ball and an upright axle.
-    level: Option<Level>,
-    /// Half of a square's side and of its diagonal (m).
-    half_side: f64,
-    half_diagonal: f64,
-}
-
-/// Directions of a wheel whose axle is not upright.
-struct Level {
-    /// Level, across the axle.
-    aside: Vector2<f64>,
-    /// Up, across the axle.
-    up: Vector3<f64>,
-    /// Level, along the axle, and how far the wheel reaches that way (m).
-    along: Vector2<f64>,
-    reach: f64,
-}
-
-impl Underside {
-    fn new(wheel: &Cylinder, lowest: f64, side: f64) -> Underside {
-        let axle = wheel.axle.into_inner();
-        let aside = Unit::try_new(axle.cross(&Vector3::z()), 1e-3).filter(|_| !wheel.ball);
-        let level = aside.map(|aside| {
-            let along = axle.xy().normalize();
-            let cosine = along.dot(&axle.xy());
-            let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
-            Level {
-                aside: aside.xy(),
-                up: aside.cross(&axle),
-                along,
-                reach: wheel.half_width * cosine.abs() + wheel.radius * sine + 1e-9,
-            }
-        });
-        Underside {
-            center: wheel.center,
-            lowest,
-            radius: wheel.radius,
-            level,
-            half_side: 0.5 * side,
-            half_diagonal: 0.5 * side * std::f64::consts::SQRT_2,
-        }
-    }
-
-    /// A height that the lower side is not below anywhere over the square from `corner` on; infinite
-    /// beside the wheel.
-    fn over_square(&self, corner: Point2<f64>) -> f64 {
-        let Some(level) = &self.level else { return self.lowest };
-        let middle = corner - self.center.xy() + Vector2::repeat(self.half_side);
-        let (aside, along) = (level.aside.dot(&middle), level.along.dot(&middle));
-        if along.abs() - self.half_diagonal > level.reach
-            || aside.abs() - self.half_diagonal > self.radius
-        {
-            return f64::INFINITY;
-        }
-        let begins = (aside.abs() - self.half_diagonal).max(0.0).copysign(aside);
-        let plane = self.plane(level, begins);
-        plane.at(&middle) - plane.slope.norm() * self.half_diagonal
-    }
-
-    /// The part of an edge of the grid that may lie below the wheel; none if none does.
-    fn over_edge<'u>(
-        &'u self,
-        level: &'u Level,
-        a: Point2<f64>,
-        b: Point2<f64>,
-    ) -> Option<Line<'u>> {
-        let (from, way) = (a - self.center.xy(), b - a);
-        let (mut t0, mut t1) = (0.0_f64, 1.0_f64);
-        for (direction, reach) in [(&level.along, level.reach), (&level.aside, self.radius)] {
-            let (start, rate) = (direction.dot(&from), direction.dot(&way));
-            if rate.abs() > 1e-12 {
-                let ends = [(-reach - start) / rate, (reach - start) / rate];
-                (t0, t1) = (t0.max(ends[0].min(ends[1])), t1.min(ends[0].max(ends[1])));
-            } else if start.abs() > reach {
-                return None;
-            }
-        }
-        (t0 <= t1).then_some(Line { under: self, level, from, way, ends: [t0, t1] })
-    }
-
-    /// The plane that touches the wheel's round as far aside: the wheel lies above it.
-    fn plane(&self, level: &Level, aside: f64) -> Tangent {
-        let sine = (aside / self.radius).clamp(-0.9, 0.9);
-        let cosine = (1.0 - sine * sine).sqrt();
-        let steep = 1.0 / (cosine * level.up.z);
-        let slope = (level.aside * sine - level.up.xy() * cosine) * steep;
-        Tangent { slope, height: self.center.z - self.radius * steep }
-    }
-}
-
-/// A part of an edge of the grid: from the wheel's center to its start, and on, by a share of its way.
-struct Line<'u> {
-    under: &'u Underside,
-    level: &'u Level,
-    from: Vector2<f64>,
-    way: Vector2<f64>,
-    ends: [f64; 2],
-}
-
-impl Line<'_> {
-    /// A gap that is no larger than any over ground that begins at `z` and rises by `rise` (m): by
-    /// the plane that touches the wheel above the share `t`.
-    fn bound(&self, t: f64, z: f64, rise: f64) -> f64 {
-        let aside = self.level.aside.dot(&(self.from + self.way * t));
-        let plane = self.under.plane(self.level, aside);
-        let gap = |t: f64| plane.at(&(self.from + self.way * t)) - (z + rise * t);
-        gap(self.ends[0]).min(gap(self.ends[1]))
-    }
-
-    /// The share at which the wheel's round is nearest to ground that rises by `rise` (m).
-    fn nearest(&self, rise: f64) -> f64 {
-        let (level, under) = (self.level, self.under);
-        let (start, rate) = (level.aside.dot(&self.from), level.aside.dot(&self.way));
-        let tangent = rise * level.up.z + level.up.xy().dot(&self.way);
-        // Where the round is as steep as the ground; along the axle it is steep nowhere.
-        let aside = under.radius * tangent * rate.signum() / tangent.hypot(rate);
-        let t = (aside - start) / rate;
-        if t.is_nan() { self.ends[0] } else { t.clamp(self.ends[0], self.ends[1]) }
-    }
-}
-
-/// A plane by its height below the wheel's center and its slope.
-struct Tangent {
-    slope: Vector2<f64>,
-    height: f64,
-}
-
-impl Tangent {
-    fn at(&self, from_center: &Vector2<f64>) -> f64 {
-        self.height + self.slope.dot(from_center)
-    }
-}
-
 struct Search<'a, F> {
     wheel: Cylinder,
     map: &'a ElevationMap,
@@ -409,16 +274,16 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
     /// A gap that is no larger than any over a square of the grid; negative infinity where it is not
     /// known.
     fn bound_over(&self, under: &Underside, ix: usize, iy: usize) -> f64 {
-        let [z00, z10, z01, z11] = self.corners(ix, iy);
-        if (z00 + z10 + z01 + z11).is_nan() {
+        let heights = self.corners(ix, iy);
+        if heights.iter().sum::<f64>().is_nan() {
             return f64::NEG_INFINITY;
         }
-        let highest = z00.max(z10).max(z01.max(z11));
+        let highest = heights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let bound = under.lowest - highest;
         if self.best.is_some_and(|best| bound >= best.gap) {
             return bound;
         }
-        bound.max(under.over_square(self.map.grid().position(ix, iy)) - highest)
+        bound.max(under.over_square(self.map.grid().position(ix, iy), heights))
     }
 
     /// Heights at the corners of a square: at its start, along x, along y, opposite.
@@ -525,17 +390,33 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
         }
         let golden = 0.618_033_988_749_894_9;
         let (mut lo, mut hi) = ((t - 1.0 / n as f64).max(0.0), (t + 1.0 / n as f64).min(1.0));
+        let inner = |lo: f64, hi: f64| (hi - golden * (hi - lo), lo + golden * (hi - lo));
+        let (mut t1, mut t2) = inner(lo, hi);
+        let (mut g1, mut g2) = (self.try_point(at(t1)), self.try_point(at(t2)));
         for _ in 0..REFINEMENTS {
-            let (t1, t2) = (hi - golden * (hi - lo), lo + golden * (hi - lo));
-            match (self.try_point(at(t1)), self.try_point(at(t2))) {
-                (Some(g1), Some(g2)) if g1 < g2 => hi = t2,
-                (Some(_), Some(_)) => lo = t1,
-                (Some(_), None) => hi = t2,
-                (None, Some(_)) => lo = t1,
+            let leaves_upper = match (g1, g2) {
+                (Some(g1), Some(g2)) => g1 < g2,
+                (Some(_), None) => true,
+                (None, Some(_)) => false,
                 // Both beside the wheel: the part below it is where the coarse best was.
-                (None, None) if t < t1 => hi = t1,
-                (None, None) if t > t2 => lo = t2,
-                (None, None) => (lo, hi) = (t1, t2),
+                (None, None) if t < t1 => true,
+                (None, None) if t > t2 => false,
+                (None, None) => {
+                    (lo, hi) = (t1, t2);
+                    (t1, t2) = inner(lo, hi);
+                    (g1, g2) = (self.try_point(at(t1)), self.try_point(at(t2)));
+                    continue;
+                }
+            };
+            // By the golden section one of the two points serves again.
+            if leaves_upper {
+                (hi, t2, g2) = (t2, t1, g1);
+                t1 = inner(lo, hi).0;
+                g1 = self.try_point(at(t1));
+            } else {
+                (lo, t1, g1) = (t1, t2, g2);
+                t2 = inner(lo, hi).1;
+                g2 = self.try_point(at(t2));
             }
         }
     }

@@ -7,8 +7,8 @@
 
 use arrayvec::ArrayVec;
 use collision::{
-    Allowance, ContactZone, Footing, Footings, LegChecker, NoTouchdown, QuickChecker, Seat, Touch,
-    Touchdown, Violation, no_touchdown, touchdown_cost,
+    Allowance, ContactZone, Footing, Footings, Hint, LegChecker, NoTouchdown, QuickChecker, Seat,
+    Touch, Touchdown, Violation, no_touchdown, touchdown_cost,
 };
 use nalgebra::{Point2, Point3};
 use rover::{LegAngles, LegFrames, MAX_SOLUTIONS};
@@ -73,12 +73,21 @@ pub(crate) struct Searcher<'a> {
     footings: Footings<'a>,
     checker: &'a LegChecker<'a>,
     quick: QuickChecker<'a>,
+    hints: Vec<Hints>,
+}
+
+/// What was in the way last in an orientation: nearly always it is so in the next cell.
+#[derive(Debug, Clone, Copy, Default)]
+struct Hints {
+    down: Hint,
+    lifted: Hint,
 }
 
 impl<'a> Searcher<'a> {
     pub fn new(look: &'a Look<'a>, checker: &'a LegChecker<'a>) -> Searcher<'a> {
         let footings = Footings::new(look.scene, &look.posture, look.leg, look.options.heading);
-        Searcher { look, footings, checker, quick: QuickChecker::new(checker) }
+        let hints = vec![Hints::default(); footings.n_orientations()];
+        Searcher { look, footings, checker, quick: QuickChecker::new(checker), hints }
     }
 
     /// The answer at `p`; `worked` are ways that worked nearby.
@@ -96,6 +105,7 @@ impl<'a> Searcher<'a> {
             look,
             checker,
             quick: &mut self.quick,
+            hints: &mut self.hints,
             footing,
             n_orientations: self.footings.n_orientations(),
             best: None,
@@ -113,6 +123,7 @@ struct Search<'s, 'a> {
     look: &'s Look<'a>,
     checker: &'s LegChecker<'a>,
     quick: &'s mut QuickChecker<'a>,
+    hints: &'s mut [Hints],
     footing: Footing<'s>,
     n_orientations: usize,
     /// The way that got furthest; of equals the first.
@@ -220,15 +231,19 @@ impl Search<'_, '_> {
         if !self.look.holds(&way) {
             return fails(Rank::Unstable, way, None);
         }
+        let zone = self.look.zone(&way);
+        let allowance = Allowance { zone: Some(&zone), buffered: false };
         if only_success {
-            let lifted = self.lift(&mut way);
-            if lifted.is_err() || !self.look.can_lift_off {
+            // What is likely to be in the way first: here, then at the waypoint above.
+            let down = self.hints[orientation].down;
+            if self.quick.touch_at(&frames, allowance, down).is_some()
+                || self.lift(&mut way).is_err()
+            {
                 return fails(Rank::Unstable, way, None);
             }
         }
-        let zone = self.look.zone(&way);
-        let allowance = Allowance { zone: Some(&zone), buffered: false };
-        if let Some(touch) = self.quick.touch(&frames, allowance) {
+        let hint = &mut self.hints[orientation].down;
+        if let Some(touch) = self.quick.touch(&frames, allowance, hint) {
             return fails(Rank::Collides, way, Some(touch));
         }
         if !self.look.can_lift_off {
@@ -265,7 +280,8 @@ impl Search<'_, '_> {
         let angles = nearest.ok_or((Rank::NoLift, None))?;
         way.raised = Some(angles);
         let frames = self.quick.chain().frames(&angles);
-        match self.quick.touch(&frames, Allowance::default()) {
+        let hint = &mut self.hints[way.orientation].lifted;
+        match self.quick.touch(&frames, Allowance::default(), hint) {
             Some(touch) => Err((Rank::LiftCollides, Some(touch))),
             None => Ok(()),
         }

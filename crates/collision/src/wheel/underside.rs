@@ -1,0 +1,151 @@
+//! Bounds of a wheel's lower side from below: planes that touch its round, as the wheel lies above them.
+
+use nalgebra::{Point2, Point3, Unit, Vector2, Vector3};
+
+use super::Cylinder;
+
+/// A bound of the wheel's lower side from below, for squares and edges of the grid.
+pub(crate) struct Underside {
+    center: Point3<f64>,
+    /// The lowest point of all (m).
+    pub lowest: f64,
+    radius: f64,
+    /// None for a ball and an upright axle.
+    pub level: Option<Level>,
+    /// Half of a square's side and of its diagonal (m).
+    half_side: f64,
+    half_diagonal: f64,
+}
+
+/// Directions of a wheel whose axle is not upright.
+pub(crate) struct Level {
+    /// Level, across the axle.
+    aside: Vector2<f64>,
+    /// Up, across the axle.
+    up: Vector3<f64>,
+    /// Level, along the axle, and how far the wheel reaches that way (m).
+    along: Vector2<f64>,
+    reach: f64,
+}
+
+impl Underside {
+    pub fn new(wheel: &Cylinder, lowest: f64, side: f64) -> Underside {
+        let axle = wheel.axle.into_inner();
+        let aside = Unit::try_new(axle.cross(&Vector3::z()), 1e-3).filter(|_| !wheel.ball);
+        let level = aside.map(|aside| {
+            let along = axle.xy().normalize();
+            let cosine = along.dot(&axle.xy());
+            let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+            Level {
+                aside: aside.xy(),
+                up: aside.cross(&axle),
+                along,
+                reach: wheel.half_width * cosine.abs() + wheel.radius * sine + 1e-9,
+            }
+        });
+        Underside {
+            center: wheel.center,
+            lowest,
+            radius: wheel.radius,
+            level,
+            half_side: 0.5 * side,
+            half_diagonal: 0.5 * side * std::f64::consts::SQRT_2,
+        }
+    }
+
+    /// A gap that is no larger than any over the square from `corner` on, with these heights at its
+    /// corners; infinite beside the wheel.
+    ///
+    /// Over each triangle of the ground the gap to a plane is least at a corner, and the wheel lies above
+    /// the plane that touches it there.
+    pub fn over_square(&self, corner: Point2<f64>, heights: [f64; 4]) -> f64 {
+        let highest = heights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let Some(level) = &self.level else { return self.lowest - highest };
+        let (start, side) = (corner - self.center.xy(), 2.0 * self.half_side);
+        let middle = start + Vector2::repeat(self.half_side);
+        let (aside, along) = (level.aside.dot(&middle), level.along.dot(&middle));
+        if along.abs() - self.half_diagonal > level.reach
+            || aside.abs() - self.half_diagonal > self.radius
+        {
+            return f64::INFINITY;
+        }
+        let plane = self.plane(level, aside);
+        let at = plane.at(&start);
+        let (x, y) = (plane.slope.x * side, plane.slope.y * side);
+        let [z00, z10, z01, z11] = heights;
+        (at - z00).min(at + x - z10).min(at + y - z01).min(at + x + y - z11)
+    }
+
+    /// The part of an edge of the grid that may lie below the wheel; none if none does.
+    pub fn over_edge<'u>(
+        &'u self,
+        level: &'u Level,
+        a: Point2<f64>,
+        b: Point2<f64>,
+    ) -> Option<Line<'u>> {
+        let (from, way) = (a - self.center.xy(), b - a);
+        let (mut t0, mut t1) = (0.0_f64, 1.0_f64);
+        for (direction, reach) in [(&level.along, level.reach), (&level.aside, self.radius)] {
+            let (start, rate) = (direction.dot(&from), direction.dot(&way));
+            if rate.abs() > 1e-12 {
+                let ends = [(-reach - start) / rate, (reach - start) / rate];
+                (t0, t1) = (t0.max(ends[0].min(ends[1])), t1.min(ends[0].max(ends[1])));
+            } else if start.abs() > reach {
+                return None;
+            }
+        }
+        (t0 <= t1).then_some(Line { under: self, level, from, way, ends: [t0, t1] })
+    }
+
+    /// The plane that touches the wheel's round as far aside: the wheel lies above it.
+    fn plane(&self, level: &Level, aside: f64) -> Tangent {
+        let sine = (aside / self.radius).clamp(-0.9, 0.9);
+        let cosine = (1.0 - sine * sine).sqrt();
+        let steep = 1.0 / (cosine * level.up.z);
+        let slope = (level.aside * sine - level.up.xy() * cosine) * steep;
+        Tangent { slope, height: self.center.z - self.radius * steep }
+    }
+}
+
+/// A part of an edge of the grid: from the wheel's center to its start, and on, by a share of its way.
+pub(crate) struct Line<'u> {
+    under: &'u Underside,
+    level: &'u Level,
+    from: Vector2<f64>,
+    way: Vector2<f64>,
+    pub ends: [f64; 2],
+}
+
+impl Line<'_> {
+    /// A gap that is no larger than any over ground that begins at `z` and rises by `rise` (m): by
+    /// the plane that touches the wheel above the share `t`.
+    pub fn bound(&self, t: f64, z: f64, rise: f64) -> f64 {
+        let aside = self.level.aside.dot(&(self.from + self.way * t));
+        let plane = self.under.plane(self.level, aside);
+        let gap = |t: f64| plane.at(&(self.from + self.way * t)) - (z + rise * t);
+        gap(self.ends[0]).min(gap(self.ends[1]))
+    }
+
+    /// The share at which the wheel's round is nearest to ground that rises by `rise` (m).
+    pub fn nearest(&self, rise: f64) -> f64 {
+        let (level, under) = (self.level, self.under);
+        let (start, rate) = (level.aside.dot(&self.from), level.aside.dot(&self.way));
+        let tangent = rise * level.up.z + level.up.xy().dot(&self.way);
+        // Where the round is as steep as the ground; along the axle it is steep nowhere.
+        let aside = under.radius * tangent * rate.signum() / tangent.hypot(rate);
+        let t = (aside - start) / rate;
+        if t.is_nan() { self.ends[0] } else { t.clamp(self.ends[0], self.ends[1]) }
+    }
+}
+
+/// A plane by its height below the wheel's center and its slope.
+struct Tangent {
+    slope: Vector2<f64>,
+    height: f64,
+}
+
+impl Tangent {
+    fn at(&self, from_center: &Vector2<f64>) -> f64 {
+        self.height + self.slope.dot(from_center)
+    }
+}
