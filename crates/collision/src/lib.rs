@@ -31,7 +31,7 @@ mod wheel;
 pub use body::BodyCertifier;
 pub use certificate::{Certificate, Certifier};
 pub use checker::{Allowance, ContactZone, Keep, LegChecker, Touch, Violation};
-pub use clearance::Clearance;
+pub use clearance::{Clearance, Reach};
 pub use pairs::Body;
 pub use scene::{Obstacle, Scene, SceneError};
 pub use survey::{PairDistance, Survey, survey};
