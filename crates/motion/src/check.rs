@@ -198,7 +198,7 @@ fn look_along_leg(context: &CheckContext, waypoints: &[Waypoint], seen: &mut See
     let at_rest = Posture::new(robot, context.stepping_from);
     let checker = LegChecker::keeping(context.scene, &at_rest, context.leg, context.keep.clone());
     let advance = Advance::new(robot, context.leg);
-    let mut walk = Walk { context, checker, advance, posture: at_rest, seen };
+    let mut walk = Walk { context, checker, advance, posture: at_rest, speed: 0.0, seen };
     // The first waypoint stands for the phase that begins there, after a shift too.
     let next = waypoints.get(1).unwrap_or(first);
     let mut free = walk.look(first.time, &first.angles, &Piece::between(first, next), next.phase);
@@ -206,13 +206,13 @@ fn look_along_leg(context: &CheckContext, waypoints: &[Waypoint], seen: &mut See
     for w in waypoints.windows(2) {
         let (a, b) = (&w[0], &w[1]);
         let piece = Piece::between(a, b);
+        walk.speed = walk.speed_along(&piece);
         let (mut t, mut weighed) = (0.0, 0.0);
         while t < 1.0 {
             // Nothing can be met before some point of the leg has gone as far as was free, and no
             // distance is less than half of what was seen; where nearly nothing is free, as near as
             // rounding.
-            let speed = walk.speed(&piece);
-            let share = if speed > 0.0 { SHARE * free / speed } else { 1.0 };
+            let share = if walk.speed > 0.0 { SHARE * free / walk.speed } else { 1.0 };
             let to_weigh = (weighed + piece.coarsest).min(1.0);
             t = (t + share.max(piece.finest)).min(to_weigh);
             let angles = a.angles * (1.0 - t) + b.angles * t;
@@ -249,12 +249,13 @@ struct Walk<'w> {
     checker: LegChecker<'w>,
     advance: Advance,
     posture: Posture,
+    /// How far any point of the leg gets per share of the piece under way (m), from here on.
+    speed: f64,
     seen: &'w mut Seen,
 }
 
 impl Walk<'_> {
-    /// How far any point of the leg gets per share of a piece (m), from here on.
-    fn speed(&self, piece: &Piece) -> f64 {
+    fn speed_along(&self, piece: &Piece) -> f64 {
         self.advance.speed(&self.posture, &piece.way, piece.coarsest)
     }
 
@@ -264,6 +265,7 @@ impl Walk<'_> {
         let robot = context.scene.robot();
         self.seen.limits_of(context, context.leg, angles, time);
         self.posture.move_leg(robot, context.leg, angles);
+        self.speed = self.speed_along(piece);
         let zone = match phase {
             Phase::Lift => context.lift_zone.as_ref(),
             Phase::Shift | Phase::Transit => None,
@@ -293,7 +295,7 @@ impl Walk<'_> {
     /// look.
     fn reach(&self, piece: &Piece) -> Reach {
         let most = REACH * self.context.scene.robot().scale();
-        let next = piece.coarsest * self.speed(piece) / SHARE;
+        let next = piece.coarsest * self.speed / SHARE;
         let reach = |least: f64| least.max(next).min(most);
         Reach {
             links: reach(self.seen.links.value),
