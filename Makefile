@@ -64,8 +64,10 @@ bench: tools ## Run all benchmarks and print one table
 	cargo bench --workspace --locked --bench '*'
 	@node .ci/bench-table.mjs
 
-soak: tools ## Give the planner 10^5 generated requests, hostile ones among them
+soak: tools ## Run 10^5 generated requests, and the long forms of tests by brute force
 	FOOTFALL_SOAK=$${FOOTFALL_SOAK:-100000} cargo test --release --locked -p motion -p server --test it soak
+	FOOTFALL_FULL=1 cargo test --release --locked -p collision --test it
+	FOOTFALL_FULL=1 cargo test --release --locked -p motion --test it -- final_check body_shift
 
 format: tools web/node_modules/.package-lock.json ## Format all sources
 	cargo fmt --all

@@ -1,5 +1,6 @@
 //! A motion looked at piece by piece, from coarse to fine: what is in the way is met early, and each
-//! piece is looked at only for what its parent left open.
+//! piece is looked at only for what its parent left open. What is clear about the middle of a piece is
+//! not looked at again.
 
 use std::collections::VecDeque;
 
@@ -8,6 +9,9 @@ use crate::look::Look;
 
 /// Most pieces of one motion.
 const MOST_PIECES: usize = 1_200;
+
+/// Share of what is clear about the middle of a piece that is taken for it.
+const SURELY_CLEAR: f64 = 0.999;
 
 /// A motion with the things to look at.
 pub(crate) trait Subject {
@@ -71,7 +75,7 @@ impl<I: Copy> Bisection<I> {
             self.n_pieces += 1;
             subject.enter(piece.middle, piece.half);
             let first = self.open.len();
-            let mut farthest = 0.0_f64;
+            let (mut farthest, mut clear) = (0.0_f64, 1.0_f64);
             for k in piece.items.0..piece.items.1 {
                 let item = self.open[k];
                 match subject.look(&item) {
@@ -79,7 +83,8 @@ impl<I: Copy> Bisection<I> {
                     Look::Violated(violation) => {
                         return Certificate::Blocked { share: piece.middle, violation };
                     }
-                    Look::Open => {
+                    Look::Open(share) => {
+                        clear = clear.min(share);
                         farthest = farthest.max(subject.motion(&item));
                         subject.keep_open(item, &mut self.open);
                     }
@@ -92,8 +97,11 @@ impl<I: Copy> Bisection<I> {
                 return Certificate::Open { share: piece.middle };
             }
             let items = (first, self.open.len());
-            let half = 0.5 * piece.half;
-            for middle in [piece.middle - half, piece.middle + half] {
+            // What is left on either side of what is clear, which rounding must not make wider.
+            let clear = SURELY_CLEAR * clear * piece.half;
+            let half = 0.5 * (piece.half - clear);
+            let off = clear + half;
+            for middle in [piece.middle - off, piece.middle + off] {
                 self.pieces.push_back(Piece { middle, half, items });
             }
         }

@@ -165,7 +165,7 @@ impl<'a> BodyCertifier<'a> {
         let mut moment = Moment { scene, parts, here, sway: &sway };
         self.items.iter().find_map(|item| match moment.look(item) {
             Look::Violated(violation) => Some(violation),
-            Look::Clear | Look::Open => None,
+            Look::Clear | Look::Open(_) => None,
         })
     }
 
@@ -210,7 +210,11 @@ impl<M: BodyMotion> Subject for Walked<'_, '_, M> {
     }
 
     fn look(&mut self, item: &Item) -> Look {
-        self.moment().look(item)
+        match self.moment().look(item) {
+            // The bounds of a sway need not grow with the way.
+            Look::Open(_) => Look::Open(0.0),
+            look => look,
+        }
     }
 
     fn motion(&mut self, item: &Item) -> f64 {

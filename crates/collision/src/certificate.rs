@@ -2,10 +2,11 @@
 //!
 //! A joint-linear piece is looked at in its middle. What is farther from every other thing than the
 //! clearance that it must keep and the way that any of its points can go within the piece
-//! ([`rover::LegFrames::motion_bound`]) is clear over all of the piece; for what is not, the piece is
-//! cut in two. Two moving bodies of one leg are bounded by the joints between them. Pieces are looked
-//! at from coarse to fine, so that what is in the way is met early, and each piece only at what its
-//! parent left open (planning.md, sections 3 and 4: conservative advancement by motion bounds).
+//! ([`rover::LegFrames::motion_bound`]) is clear over all of the piece; for what is not, what is left
+//! on either side of what the distance clears about the middle is looked at again. Two moving bodies of
+//! one leg are bounded by the joints between them. Pieces are looked at from coarse to fine, so that
+//! what is in the way is met early, and each piece only at what its parent left open (planning.md,
+//! sections 3 and 4: conservative advancement by motion bounds).
 
 use rover::{LegAngles, LegFrames};
 

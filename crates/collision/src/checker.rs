@@ -380,7 +380,7 @@ impl<'a> LegChecker<'a> {
     ) -> Option<Violation> {
         self.items.iter().find_map(|item| match self.look(moment, item, scratch) {
             Look::Violated(violation) => Some(violation),
-            Look::Clear | Look::Open => None,
+            Look::Clear | Look::Open(_) => None,
         })
     }
 
@@ -421,15 +421,17 @@ impl<'a> LegChecker<'a> {
                 if (here.placed.center() - group.center).norm_squared() >= reach * reach {
                     return Look::Clear;
                 }
-                let mut worst = Look::Clear;
+                let mut clear: Option<f64> = None;
                 for k in group.members.clone() {
                     match self.look_at_fixed(moment, index, here, k) {
                         Look::Clear => {}
-                        Look::Open => worst = Look::Open,
+                        Look::Open(share) => {
+                            clear = Some(clear.map_or(share, |clear| clear.min(share)));
+                        }
                         violated @ Look::Violated(_) => return violated,
                     }
                 }
-                worst
+                clear.map_or(Look::Clear, Look::Open)
             }
             Against::Fixed(k) => self.look_at_fixed(moment, index, here, k as usize),
             Against::Own(j) => {

@@ -5,6 +5,7 @@ use rover::Posture;
 
 use crate::checker::{Allowance, DEPTH_SLACK, LegChecker, Moment, Scratch, Touch, Violation};
 use crate::form::apart;
+use crate::gjk::{Separation, separation};
 use crate::ground::{GroundNear, Kernel, near_ground};
 use crate::look::{TOUCHING, near_solid, violation};
 use crate::solid::{near, pose_of};
@@ -22,16 +23,37 @@ pub struct Clearance {
     pub room: f64,
 }
 
+/// How far beyond the tolerances distances are asked for (m).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Reach {
+    /// ... to other links.
+    pub links: f64,
+    /// ... to ground and obstacles.
+    pub environment: f64,
+}
+
 impl LegChecker<'_> {
     /// Nearest distances within `reach` (m) beyond the tolerances, from exact shapes.
     pub fn clearance(&self, posture: &Posture, allowance: Allowance, reach: f64) -> Clearance {
+        self.clearance_within(posture, allowance, Reach { links: reach, environment: reach })
+    }
+
+    /// As [`clearance`](Self::clearance), with a reach of its own for either kind of distance.
+    pub fn clearance_within(
+        &self,
+        posture: &Posture,
+        allowance: Allowance,
+        reach: Reach,
+    ) -> Clearance {
         let frames = self.frames_of(posture);
         let moment = Moment::still(&frames, allowance);
         let mut scratch = Scratch::new(self);
-        let mut nearest = Clearance { links: None, environment: None, room: reach };
+        let room = reach.links.min(reach.environment);
+        let mut nearest = Clearance { links: None, environment: None, room };
         for index in 0..self.moving.len() {
-            self.environment_clearance(&moment, index, reach, &mut scratch, &mut nearest);
-            self.links_clearance(&moment, index, reach, &mut scratch, &mut nearest);
+            let of_part = (&moment, index);
+            self.environment_clearance(of_part, reach.environment, &mut scratch, &mut nearest);
+            self.links_clearance(of_part, reach.links, &mut scratch, &mut nearest);
         }
         // No pair has less to spare than the nearest one, and each keeps its clearance beyond that.
         if let Some(links) = nearest.links {
@@ -52,8 +74,7 @@ impl LegChecker<'_> {
 
     fn environment_clearance(
         &self,
-        moment: &Moment,
-        index: usize,
+        (moment, index): (&Moment, usize),
         reach: f64,
         scratch: &mut Scratch,
         nearest: &mut Clearance,
@@ -122,8 +143,7 @@ impl LegChecker<'_> {
 
     fn links_clearance(
         &self,
-        moment: &Moment,
-        index: usize,
+        (moment, index): (&Moment, usize),
         reach: f64,
         scratch: &mut Scratch,
         nearest: &mut Clearance,
@@ -140,6 +160,10 @@ impl LegChecker<'_> {
             let Some(required) = required else { continue };
             let limit = required + within(reach, &nearest.links);
             if limit <= 0.0 || apart(placed, &part.form, at, &other.form, limit) {
+                continue;
+            }
+            // parry is asked where our bound leaves doubt.
+            if separation(&(placed, &part.form), &(at, &other.form), limit) == Separation::Apart {
                 continue;
             }
             let [pose, other_pose] = [placed, at].map(|p| pose_of(&p.frame));

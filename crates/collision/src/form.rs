@@ -189,29 +189,42 @@ impl Placed {
 
 /// Are two shapes at least `need` (m) apart? `false` is no answer.
 pub(crate) fn apart(a: &Placed, form_a: &Form, b: &Placed, form_b: &Form, need: f64) -> bool {
+    toward(a, form_a, b, form_b, need).is_none()
+}
+
+/// The direction from one shape to the other, about, unless they are surely at least `need` (m) apart.
+pub(crate) fn toward(
+    a: &Placed,
+    form_a: &Form,
+    b: &Placed,
+    form_b: &Form,
+    need: f64,
+) -> Option<Vector3<f64>> {
     let between = b.frame.origin - a.frame.origin;
     let reach = a.bound + b.bound + need;
     if between.norm_squared() >= reach * reach {
-        return true;
+        return None;
     }
     let (p, q) = match (form_a, form_b) {
         (_, Form::Box { half }) => {
             if outside_box(&a.center(), b, half, a.bound + need) {
-                return true;
+                return None;
             }
             segment_to_box(a, b, half)
         }
         (Form::Box { half }, _) => {
             if outside_box(&b.center(), a, half, b.bound + need) {
-                return true;
+                return None;
             }
             let (q, p) = segment_to_box(b, a, half);
             (p, q)
         }
         _ => segment_to_segment(a, b),
     };
-    let Some(n) = (q - p).try_normalize(1e-9) else { return false };
-    n.dot(&between) - a.support(form_a, &n) - b.support(form_b, &-n) >= need
+    // Cores that cross tell no direction.
+    let Some(n) = (q - p).try_normalize(1e-9) else { return Some(between) };
+    let apart = n.dot(&between) - a.support(form_a, &n) - b.support(form_b, &-n) >= need;
+    (!apart).then_some(n)
 }
 
 /// Is a point at least `distance` (m) away from a box?

@@ -65,8 +65,18 @@ pub(crate) enum Separation {
 
 /// The distance of two convex shapes, up to `need` (m).
 pub(crate) fn separation(a: &impl Convex, b: &impl Convex, need: f64) -> Separation {
+    separation_along(a, b, need, b.middle() - a.middle())
+}
+
+/// As [`separation`]; it begins with the direction from `a` to `b` that is given: the better, the sooner
+/// it ends.
+pub(crate) fn separation_along(
+    a: &impl Convex,
+    b: &impl Convex,
+    need: f64,
+    mut toward: Vector3<f64>,
+) -> Separation {
     let mut simplex = Simplex::default();
-    let mut toward = b.middle() - a.middle();
     if toward.norm_squared() < 1e-24 {
         toward = Vector3::x();
     }

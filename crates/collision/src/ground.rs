@@ -1,6 +1,6 @@
 //! The solid ground: how far a shape is from it.
 
-use nalgebra::{Point2, Point3};
+use nalgebra::{Point2, Point3, Vector3};
 use parry3d_f64::shape::Triangle;
 
 use crate::form::{Placed, QuickLook, apart_from_block, look_at_triangle, nearest_on_triangle};
@@ -106,6 +106,17 @@ pub(crate) fn near_known_ground(
         if ground >= center.z || placed.holds(&part.form, &below) {
             return Some(Near { distance: 0.0, place: below });
         }
+    }
+    // The ground below the lowest point is no nearer than the nearest ground: nothing farther is worth
+    // a look.
+    let lowest = placed.support_point(&part.form, &-Vector3::z());
+    let mut reach = reach;
+    if let Some(ground) = map.height_at(lowest.xy()) {
+        if ground >= lowest.z {
+            let place = Point3::new(lowest.x, lowest.y, ground);
+            return Some(Near { distance: 0.0, place });
+        }
+        reach = reach.min(lowest.z - ground + EQUALLY_NEAR);
     }
     let (min, max) = grown(&aabb, reach);
     let mut nearest: Option<Near> = None;

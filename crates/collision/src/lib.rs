@@ -35,7 +35,7 @@ mod wheel;
 pub use body::BodyCertifier;
 pub use certificate::{Certificate, Certifier};
 pub use checker::{Allowance, ContactZone, Keep, LegChecker, Touch, Violation};
-pub use clearance::Clearance;
+pub use clearance::{Clearance, Reach};
 pub use footing::{Footing, Footings, NoSeat, Seat, WheelHeading};
 pub use pairs::Body;
 pub use quick::{Hint, QuickChecker};

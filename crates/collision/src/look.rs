@@ -5,8 +5,10 @@
 //! can get toward each other within the piece is clear over all of it.
 
 use crate::checker::{Touch, Violation};
-use crate::form::{Placed, apart};
-use crate::gjk::{Separation, separation};
+use nalgebra::Vector3;
+
+use crate::form::{Placed, toward};
+use crate::gjk::{Separation, separation_along};
 use crate::ground::{GroundNear, Kernel, clear_of_ground, near_ground, near_known_ground};
 use crate::scene::{Scene, Solid};
 use crate::solid::{Near, Part, near, pose_of, to_parry_point, to_pose};
@@ -22,8 +24,8 @@ const THOROUGH: f64 = 0.2;
 pub(crate) enum Look {
     /// Farther apart than asked, over the whole piece.
     Clear,
-    /// Free in the middle of the piece; the rest is open.
-    Open,
+    /// Free about the middle of the piece, over this share of it; the rest is open.
+    Open(f64),
     /// Nearer than it may be in the middle of the piece.
     Violated(Violation),
 }
@@ -50,6 +52,17 @@ impl Ask {
         self.required.max(TOUCHING)
     }
 
+    /// The share of the piece that is clear about its middle, where the distance is `distance` (m): what
+    /// moves by a share of its way gets no farther than by that share of the bound, for the bound of a
+    /// joint-linear motion grows no slower than the way.
+    fn clear_share(&self, distance: f64) -> f64 {
+        if self.motion > 0.0 {
+            ((distance - self.least()) / self.motion).clamp(0.0, 1.0)
+        } else {
+            0.0
+        }
+    }
+
     /// How far distances are worth asking for (m).
     fn limit(&self) -> f64 {
         if self.fine { self.need() } else { self.least() }
@@ -62,7 +75,9 @@ pub(crate) fn better(first: Look, second: Look, surely: bool) -> Look {
     match (first, second) {
         (Look::Clear, _) => Look::Clear,
         (_, Look::Clear) if surely => Look::Clear,
-        (_, Look::Clear | Look::Open) => Look::Open,
+        (Look::Open(a), Look::Open(b)) if surely => Look::Open(a.max(b)),
+        (Look::Violated(_), Look::Open(b)) if surely => Look::Open(b),
+        (Look::Violated(_), Look::Clear | Look::Open(_)) => Look::Open(0.0),
         (Look::Violated(_), violated) => violated,
         (first, _) => first,
     }
@@ -70,16 +85,15 @@ pub(crate) fn better(first: Look, second: Look, surely: bool) -> Look {
 
 /// Two links of the robot.
 pub(crate) fn look_at_pair([a, b]: [&Part; 2], [at_a, at_b]: [&Placed; 2], ask: Ask) -> Look {
-    if apart(at_a, &a.form, at_b, &b.form, ask.need()) {
-        return Look::Clear;
-    }
-    match separation(&(at_a, &a.form), &(at_b, &b.form), ask.limit()) {
+    let Some(n) = toward(at_a, &a.form, at_b, &b.form, ask.need()) else { return Look::Clear };
+    match separation_along(&(at_a, &a.form), &(at_b, &b.form), ask.limit(), n) {
         Separation::Apart if ask.fine => Look::Clear,
         Separation::Near { least, .. } if least < ask.least() => {
             let near = Near { distance: least, place: at_b.center() };
             Look::Violated(violation(Touch::Links(a.link, b.link), near, ask.required))
         }
-        Separation::Apart | Separation::Near { .. } => Look::Open,
+        Separation::Near { least, .. } if ask.fine => Look::Open(ask.clear_share(least)),
+        Separation::Apart | Separation::Near { .. } => Look::Open(0.0),
     }
 }
 
@@ -91,22 +105,24 @@ pub(crate) fn look_at_solids(
     solids: &[usize],
     ask: Ask,
 ) -> Look {
-    let mut worst = Look::Clear;
+    let mut clear: Option<f64> = None;
     for &i in solids {
         let solid = &scene.solids[i];
-        if apart(placed, &part.form, &solid.placed, &solid.form, ask.need()) {
-            continue;
-        }
-        match quick_solid(placed, part, solid, ask.limit()) {
+        let n = toward(placed, &part.form, &solid.placed, &solid.form, ask.need());
+        let Some(n) = n else { continue };
+        match quick_solid(placed, part, solid, ask.limit(), n) {
             None if ask.fine => {}
             Some(near) if near.distance < ask.least() => {
                 let touch = Touch::Obstacle(part.link, i);
                 return Look::Violated(violation(touch, near, ask.required));
             }
-            None | Some(_) => worst = Look::Open,
+            found => {
+                let share = found.filter(|_| ask.fine).map_or(0.0, |n| ask.clear_share(n.distance));
+                clear = Some(clear.map_or(share, |clear| clear.min(share)));
+            }
         }
     }
-    worst
+    clear.map_or(Look::Clear, Look::Open)
 }
 
 /// A part against the ground, all of which must be known. A single configuration and short pieces are
@@ -126,13 +142,13 @@ pub(crate) fn look_at_ground(scene: &Scene, part: &Part, placed: &Placed, ask: A
             GroundNear::Near(near) if near.distance < ask.least() => {
                 return Look::Violated(violation(Touch::Ground(link), near, required));
             }
-            GroundNear::Near(_) => return Look::Open,
+            GroundNear::Near(near) => return Look::Open(ask.clear_share(near.distance)),
             // Unknown ground within the reach of the piece: is it within that of its middle?
             GroundNear::Unknown(_) => {}
         }
     }
     match ground(required, ask.least()) {
-        GroundNear::Clear => Look::Open,
+        GroundNear::Clear => Look::Open(0.0),
         GroundNear::Near(near) => Look::Violated(violation(Touch::Ground(link), near, required)),
         GroundNear::Unknown(place) => {
             let touch = Touch::UnknownGround(link);
@@ -149,7 +165,7 @@ pub(crate) fn look_at_known_ground(scene: &Scene, part: &Part, placed: &Placed, 
             Look::Violated(violation(Touch::Ground(part.link), near, ask.required))
         }
         None if ask.fine => Look::Clear,
-        None | Some(_) => Look::Open,
+        None | Some(_) => Look::Open(0.0),
     }
 }
 
@@ -158,11 +174,17 @@ pub(crate) fn violation(touch: Touch, near: Near, required: f64) -> Violation {
 }
 
 /// As [`near_solid`], for searches: never too great.
-fn quick_solid(placed: &Placed, part: &Part, solid: &Solid, reach: f64) -> Option<Near> {
+fn quick_solid(
+    placed: &Placed,
+    part: &Part,
+    solid: &Solid,
+    reach: f64,
+    n: Vector3<f64>,
+) -> Option<Near> {
     if solid.mesh {
         return near_solid(placed, part, solid, reach);
     }
-    match separation(&(placed, &part.form), &(&solid.placed, &solid.form), reach) {
+    match separation_along(&(placed, &part.form), &(&solid.placed, &solid.form), reach, n) {
         Separation::Apart => None,
         Separation::Near { least, .. } => {
             Some(Near { distance: least, place: solid.placed.center() })

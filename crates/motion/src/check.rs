@@ -4,16 +4,17 @@
 //! stability from the full assessment instead of the search's short cut.
 
 use collision::{
-    Allowance, ContactZone, Keep, LegChecker, PairDistance, Scene, Survey, Touch, Violation,
+    Allowance, ContactZone, Keep, LegChecker, PairDistance, Reach, Scene, Survey, Touch, Violation,
     survey, wheel_ground,
 };
 use nalgebra::Point3;
-use rover::{Configuration, JointKind, LegAngles, LegId, LinkId, Posture};
+use rover::{Configuration, LegAngles, LegId, LinkId, Posture};
 use stability::rule::{self, Preference};
 
+use crate::advance::Advance;
 use crate::answer::{Finding, Phase, Waypoint};
 
-/// Most between two configurations looked at (rad, largest joint); stability is looked at as often.
+/// Most between two configurations looked at, and between two whose stability is (rad, largest joint).
 const STEP: f64 = 0.03;
 
 /// Least between two configurations looked at (rad, largest joint), however near things are.
@@ -21,6 +22,10 @@ const FINEST: f64 = 0.0005;
 
 /// Most between two configurations of a body shift (rad, largest joint).
 const SHIFT_STEP: f64 = 0.005;
+
+/// Share of the way up to a touch that is gone to the next look: what is kept may not be broken by much
+/// in between either.
+const SHARE: f64 = 0.5;
 
 /// How far beyond the tolerances distances are asked for (m at scale 1).
 const REACH: f64 = 0.15;
@@ -188,80 +193,115 @@ impl Seen {
 
 /// The leg from the end of the shift on: forward, never by more than the clearance seen allows.
 fn look_along_leg(context: &CheckContext, waypoints: &[Waypoint], seen: &mut Seen) {
-    let scene = context.scene;
-    let robot = scene.robot();
+    let Some(first) = waypoints.first() else { return };
+    let robot = context.scene.robot();
     let at_rest = Posture::new(robot, context.stepping_from);
-    let checker = LegChecker::keeping(scene, &at_rest, context.leg, context.keep.clone());
-    let levers = levers_of(context);
-    let reach = REACH * robot.scale();
-    let mut posture = at_rest.clone();
-    let mut look = |time: f64, angles: &LegAngles, phase: Phase, seen: &mut Seen| -> f64 {
-        seen.limits_of(context, context.leg, angles, time);
-        posture.move_leg(robot, context.leg, angles);
+    let checker = LegChecker::keeping(context.scene, &at_rest, context.leg, context.keep.clone());
+    let advance = Advance::new(robot, context.leg);
+    let mut walk = Walk { context, checker, advance, posture: at_rest, speed: 0.0, seen };
+    // The first waypoint stands for the phase that begins there, after a shift too.
+    let next = waypoints.get(1).unwrap_or(first);
+    let mut free = walk.look(first.time, &first.angles, &Piece::between(first, next), next.phase);
+    walk.weigh(first.time);
+    for w in waypoints.windows(2) {
+        let (a, b) = (&w[0], &w[1]);
+        let piece = Piece::between(a, b);
+        walk.speed = walk.speed_along(&piece);
+        let (mut t, mut weighed) = (0.0, 0.0);
+        while t < 1.0 {
+            // Nothing can be met before some point of the leg has gone as far as was free, and no
+            // distance is less than half of what was seen; where nearly nothing is free, as near as
+            // rounding.
+            let share = if walk.speed > 0.0 { SHARE * free / walk.speed } else { 1.0 };
+            let to_weigh = (weighed + piece.coarsest).min(1.0);
+            t = (t + share.max(piece.finest)).min(to_weigh);
+            let angles = a.angles * (1.0 - t) + b.angles * t;
+            let time = a.time * (1.0 - t) + b.time * t;
+            free = walk.look(time, &angles, &piece, b.phase);
+            if t >= to_weigh {
+                walk.weigh(time);
+                weighed = t;
+            }
+        }
+    }
+}
+
+/// A joint-linear piece of the way of the leg.
+struct Piece {
+    way: LegAngles,
+    /// Least and most between two configurations looked at, as shares of the piece.
+    finest: f64,
+    coarsest: f64,
+}
+
+impl Piece {
+    fn between(a: &Waypoint, b: &Waypoint) -> Piece {
+        let way = b.angles - a.angles;
+        let most = way.amax();
+        let (finest, coarsest) = (FINEST / most.max(FINEST), STEP / most.max(STEP));
+        Piece { way, finest, coarsest }
+    }
+}
+
+/// The leg on its way.
+struct Walk<'w> {
+    context: &'w CheckContext<'w>,
+    checker: LegChecker<'w>,
+    advance: Advance,
+    posture: Posture,
+    /// How far any point of the leg gets per share of the piece under way (m), from here on.
+    speed: f64,
+    seen: &'w mut Seen,
+}
+
+impl Walk<'_> {
+    fn speed_along(&self, piece: &Piece) -> f64 {
+        self.advance.speed(&self.posture, &piece.way, piece.coarsest)
+    }
+
+    /// Looks at one configuration; how far any point of the leg may go from there (m).
+    fn look(&mut self, time: f64, angles: &LegAngles, piece: &Piece, phase: Phase) -> f64 {
+        let context = self.context;
+        let robot = context.scene.robot();
+        self.seen.limits_of(context, context.leg, angles, time);
+        self.posture.move_leg(robot, context.leg, angles);
+        self.speed = self.speed_along(piece);
         let zone = match phase {
             Phase::Lift => context.lift_zone.as_ref(),
             Phase::Shift | Phase::Transit => None,
             Phase::Drop | Phase::Preload => context.drop_zone.as_ref(),
         };
         let allowance = Allowance { zone, buffered: phase == Phase::Transit };
-        let clearance = checker.clearance(&posture, allowance, reach);
+        let clearance = self.checker.clearance_within(&self.posture, allowance, self.reach(piece));
         if let Some(v) = clearance.links {
-            seen.links.take(spare(&v), time, v);
+            self.seen.links.take(spare(&v), time, v);
         }
         if let Some(v) = clearance.environment {
-            seen.environment.take(spare(&v), time, v);
-        }
-        if !context.transit_only {
-            seen.stability_of(context, &posture, context.standing, context.preference, time);
+            self.seen.environment.take(spare(&v), time, v);
         }
         clearance.room
-    };
-    let Some(first) = waypoints.first() else { return };
-    // The first waypoint stands for the phase that begins there, after a shift too.
-    let begins = waypoints.get(1).map_or(first.phase, |next| next.phase);
-    let mut free = look(first.time, &first.angles, begins, seen);
-    for w in waypoints.windows(2) {
-        let (a, b) = (&w[0], &w[1]);
-        let way = (b.angles - a.angles).abs();
-        let (most, whole) = (way.amax(), levers.dot(&way));
-        let mut t = 0.0;
-        while t < 1.0 {
-            // Nothing can be met before some point of the leg has gone as far as was free; where
-            // nearly nothing is free, as near as rounding.
-            let share = if whole > 0.0 { free / whole } else { 1.0 };
-            let (finest, coarsest) = (FINEST / most.max(FINEST), STEP / most.max(STEP));
-            t = (t + share.clamp(finest, coarsest.max(finest))).min(1.0);
-            let angles = a.angles * (1.0 - t) + b.angles * t;
-            free = look(a.time * (1.0 - t) + b.time * t, &angles, b.phase, seen);
-        }
     }
-}
 
-/// Farthest that any point of the leg can be from each joint's axis (m); 1 for a prismatic joint,
-/// which moves every point by its own way.
-fn levers_of(context: &CheckContext) -> LegAngles {
-    let robot = context.scene.robot();
-    let leg = robot.leg(context.leg);
-    let mut levers = LegAngles::zeros();
-    let mut beyond = leg.wheel.carrier_from_wheel.translation.vector.norm()
-        + leg.wheel.radius.hypot(leg.wheel.width);
-    for place in (0..leg.n_joints()).rev() {
-        let of_link = |link: &rover::Link| {
-            let shape = |s: &rover::LinkShape| {
-                s.link_from_shape.translation.vector.norm() + s.shape.bounding_radius()
-            };
-            link.shapes.iter().map(shape).fold(0.0, f64::max)
-        };
-        beyond = beyond.max(of_link(&robot.links()[leg.links[place].0]));
-        let joint = &robot.joints()[leg.joints[place]];
-        let slides = joint.kind == JointKind::Prismatic;
-        levers[place] = if slides { 1.0 } else { beyond };
-        if slides {
-            beyond += leg.lower[place].abs().max(leg.upper[place].abs());
+    /// Takes the stability of the configuration that was looked at.
+    fn weigh(&mut self, time: f64) {
+        let context = self.context;
+        if !context.transit_only {
+            let standing = context.standing;
+            self.seen.stability_of(context, &self.posture, standing, context.preference, time);
         }
-        beyond += joint.parent_from_joint.translation.vector.norm();
     }
-    levers
+
+    /// Distances beyond the least seen so far are of no use, but for the longest step to the next
+    /// look.
+    fn reach(&self, piece: &Piece) -> Reach {
+        let most = REACH * self.context.scene.robot().scale();
+        let next = piece.coarsest * self.speed / SHARE;
+        let reach = |least: f64| least.max(next).min(most);
+        Reach {
+            links: reach(self.seen.links.value),
+            environment: reach(self.seen.environment.value),
+        }
+    }
 }
 
 /// The whole robot while the body is shifted.

@@ -12,6 +12,7 @@
 //! - [`check`]: the final check, which alone decides whether a step may be offered.
 //! - [`trial`]: seeded scenes in which planners are compared.
 
+mod advance;
 mod answer;
 pub mod astar;
 pub mod check;

@@ -42,7 +42,7 @@ impl Default for SmoothOptions {
             stop_reduction: 0.02,
             max_rounds: 4,
             max_edges: 2_000,
-            max_checked: 1_500,
+            max_checked: 1_300,
             max_taut_rounds: 12,
         }
     }

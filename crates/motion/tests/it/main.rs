@@ -9,6 +9,7 @@ use rover::{Configuration, LegId, Payload, Posture, Robot};
 use terrain::ElevationMap;
 
 mod body_shift;
+mod final_check;
 mod planners;
 mod sbl_scenes;
 mod shift;
