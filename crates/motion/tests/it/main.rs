@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 use rover::{Configuration, LegId, Payload, Posture, Robot};
 use terrain::ElevationMap;
 
+mod adviser;
 mod body_shift;
 mod planners;
 mod sbl_scenes;
