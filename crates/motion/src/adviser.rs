@@ -83,7 +83,9 @@ pub enum AdviceError {
     BadWish { value: f64 },
     #[error("gravity must be finite and above zero, got {value} m/s²")]
     BadGravity { value: f64 },
-    #[error("{n_staying} feet stand without the leg where 3 are needed")]
+    #[error("a settlement of {value} m is not a number from 0 to 2 m, scaled")]
+    BadSettlement { value: f64 },
+    #[error("{n_staying} feet would bear where 3 are needed")]
     TooFewFeet { n_staying: usize },
     #[error("the feet that stay enclose no support polygon")]
     NoSupport,
@@ -226,7 +228,7 @@ pub fn advise(
     Ok(tally.advice(before, n_looked))
 }
 
-fn validate(
+pub(crate) fn validate(
     scene: &Scene,
     start: &Configuration,
     gravity: f64,
@@ -270,6 +272,9 @@ pub(crate) struct Place {
     pub on_ground: Vec<(LegId, Point3<f64>)>,
     /// Those that stay.
     pub staying: Vec<(LegId, Point3<f64>)>,
+    /// Those that bear while the chassis moves, and what must hold on them then.
+    pub bearing: Vec<(LegId, Point3<f64>)>,
+    pub on_the_way: StanceGuard,
     /// The wish over the feet that stay.
     pub wanted: Wanted,
     pub margins: Margins,
@@ -310,7 +315,16 @@ impl<'a> Case<'a> {
         let wanted = Wanted::margins(&contacts, robot.stance(), wish.regular, wish.conservative)
             .ok_or(AdviceError::NoSupport)?;
         let margins = Margins::of(robot, &posture, &staying, self.gravity);
-        Ok(Place { configuration: configuration.clone(), on_ground, staying, wanted, margins })
+        let on_the_way = self.guard(&on_ground).ok_or(AdviceError::NoSupport)?;
+        Ok(Place {
+            configuration: configuration.clone(),
+            bearing: on_ground.clone(),
+            on_ground,
+            staying,
+            on_the_way,
+            wanted,
+            margins,
+        })
     }
 
     pub fn guard(&self, feet: &[(LegId, Point3<f64>)]) -> Option<StanceGuard> {

@@ -8,6 +8,7 @@
 //! - [`planner`]: the planners behind one trait (F60): [`astar`], [`sbl`], [`rrt_connect`].
 //! - [`smooth`]: Dijkstra and bisection as published (F77-F79), then a taut string.
 //! - [`adviser`]: the cheapest change of posture that gives a wanted margin before a lift.
+//! - [`rehearsal`]: what is left if a leg fails or a foot settles now, and the way back.
 //! - [`shift`]: the body over its planted feet, before a leg is lifted.
 //! - [`timing`]: when each knot is passed, as fast as joints and stability allow.
 //! - [`check`]: the final check, which alone decides whether a step may be offered.
@@ -23,6 +24,7 @@ mod leg_space;
 pub mod line;
 mod nearest;
 pub mod planner;
+pub mod rehearsal;
 pub mod rrt_connect;
 pub mod sbl;
 pub mod shift;
@@ -42,6 +44,7 @@ pub use answer::{
     Buffers, Constraint, EdgeRule, Finding, Footfall, Outcome, PathPlanner, Phase, Planner,
     Statistics, StepAnswer, StepRequest, Target, Waypoint,
 };
+pub use rehearsal::{Aftermath, LegRehearsal, Rehearsal, RehearsalOptions, WayBack, rehearse};
 pub use shift::{
     Barrier, BodyClear, CertifiedBody, Freedom, NoShift, SampledBody, ShiftPlan, ShiftRequest,
     base_between, plan_shift,

@@ -4,12 +4,14 @@
 
 mod kinematics;
 mod plan;
+mod posture;
 mod reachability;
 mod stability;
 mod traversability;
 
 pub use kinematics::{inverse_kinematics, kinematics};
 pub use plan::{OnProgress, Planned, plan, state_hash};
+pub use posture::posture;
 pub use reachability::{Reached, reachability, reachability_answer};
 pub use stability::{derive, stability};
 pub use traversability::{Judged, traversability};

@@ -18,12 +18,12 @@ use crate::watch::Watch;
 /// What an end has to spare beyond the wish (m), so that rounding does not undo it.
 const BEYOND: f64 = 1e-6;
 
-/// Clear, and within the joints' torques: the ends on the feet that stay, the way on all.
+/// Clear, and within the joints' torques: the ends on the feet that stay, the way on those that bear.
 struct Feasible<'a> {
     body: CertifiedBody<'a>,
     robot: &'a Robot,
     gravity: f64,
-    on_ground: &'a [(LegId, Point3<f64>)],
+    bearing: &'a [(LegId, Point3<f64>)],
     staying: &'a [(LegId, Point3<f64>)],
     /// Largest ratio that a way may come to: a start that bears too much may not come to bear more.
     on_the_way: f64,
@@ -36,11 +36,11 @@ impl<'a> Feasible<'a> {
         let body = CertifiedBody::new(scene, &place.configuration, &legs);
         let robot = scene.robot().as_ref();
         let posture = Posture::new(robot, &place.configuration);
-        let at_start = rule::assess(robot, &posture, &place.on_ground, gravity).torque.worst;
+        let at_start = rule::assess(robot, &posture, &place.bearing, gravity).torque.worst;
         let constraint = body.constraint();
-        let (on_ground, staying) = (&place.on_ground[..], &place.staying[..]);
+        let (bearing, staying) = (&place.bearing[..], &place.staying[..]);
         let on_the_way = at_start.ratio.abs().max(1.0);
-        Feasible { body, robot, gravity, on_ground, staying, on_the_way, constraint }
+        Feasible { body, robot, gravity, bearing, staying, on_the_way, constraint }
     }
 }
 
@@ -51,7 +51,7 @@ impl BodyClear for Feasible<'_> {
             return Err(text);
         }
         let (feet, most) =
-            if a == b { (self.staying, 1.0) } else { (self.on_ground, self.on_the_way) };
+            if a == b { (self.staying, 1.0) } else { (self.bearing, self.on_the_way) };
         let posture = Posture::new(self.robot, b);
         let worst = rule::assess(self.robot, &posture, feet, self.gravity).torque.worst;
         if worst.ratio.abs() > most + 1e-9 {
@@ -90,14 +90,11 @@ impl Case<'_> {
         let robot = self.scene.robot().as_ref();
         let contacts: Vec<Point3<f64>> = place.on_ground.iter().map(|(_, p)| *p).collect();
         let legs: Vec<LegId> = place.on_ground.iter().map(|(leg, _)| *leg).collect();
-        let all = self
-            .guard(&place.on_ground)
-            .ok_or_else(|| Barrier::new("stability", "the feet enclose no support polygon"))?;
         let chain = ClosedChain::new(robot, &place.configuration, &legs, self.options.drive_hold);
         let shift = Shift {
             chain: &chain,
             staying: wanted,
-            all: &all,
+            all: &place.on_the_way,
             contacts: &contacts,
             wanted: spare,
             closure: CLOSURE * robot.scale(),
@@ -123,14 +120,14 @@ impl Case<'_> {
     /// A shift with times, as the final check passes it.
     fn shift_motion(&self, place: &Place, knots: &[Configuration]) -> Result<Motion, Barrier> {
         let robot = self.scene.robot().as_ref();
-        let guard = self.guard(&place.on_ground);
+        let guard = &place.on_the_way;
         let legs: Vec<LegId> = place.on_ground.iter().map(|(leg, _)| *leg).collect();
         let limits = TimingLimits::of(robot);
-        let timed = time_body_path(robot, knots, &legs, guard.as_ref(), self.gravity, &limits)
+        let timed = time_body_path(robot, knots, &legs, Some(guard), self.gravity, &limits)
             .map_err(|why| Barrier::new("stability", format!("no way to time the shift: {why}")))?;
         let hold = |knot: &Configuration| {
             let com = Posture::new(robot, knot).center_of_mass(robot);
-            guard.as_ref().is_some_and(|guard| guard.spare(&com) >= 0.0)
+            guard.spare(&com) >= 0.0
         };
         let waypoint = |(knot, time): (&Configuration, f64)| Waypoint {
             angles: knot.legs[self.leg.0],

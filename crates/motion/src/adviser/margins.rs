@@ -91,7 +91,7 @@ impl Margins {
     }
 
     /// Why a posture that has enough by the search's short cut does not do.
-    pub(super) fn barrier(&self, robot: &Robot) -> Barrier {
+    pub(crate) fn barrier(&self, robot: &Robot) -> Barrier {
         if self.torque.ratio.abs() > 1.0 {
             return torque_barrier(robot, &self.torque);
         }

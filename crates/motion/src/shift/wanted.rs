@@ -37,7 +37,7 @@ impl Wanted {
     ) -> Option<Wanted> {
         let margin = regular.max(rules.margin);
         let of = |margin, settlement, preference| {
-            let rules = StanceRules { margin, settlement, ..rules.clone() };
+            let rules = StanceRules { margin, settlement, ..*rules };
             StanceGuard::new(contacts, &rules, preference)
         };
         let mut parts = vec![(of(margin, rules.settlement, Preference::Regular)?, 0.0)];

@@ -11,6 +11,7 @@ use terrain::ElevationMap;
 mod adviser;
 mod body_shift;
 mod planners;
+mod rehearsal;
 mod sbl_scenes;
 mod shift;
 
