@@ -32,6 +32,9 @@ pub use margins::{Margins, Region};
 /// Largest wish (m): beyond, it is no margin of any rover.
 pub const WISH_MAX: f64 = 1e3;
 
+/// Margins nearer than this are as good as each other: the cheaper change is better (m at scale 1).
+const TIE: f64 = 0.01;
+
 /// What the margin over the feet that stay should be, beside the margin rule itself.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Wish {
@@ -390,7 +393,10 @@ impl<'c> Tally<'c> {
         let margins = Some(attempt.after.clone());
         let first = self.limits.is_empty();
         self.limit(Limit { change, margins, barrier: barrier.clone() });
-        let less = attempt.after.spare(wish, rules) > self.best.0.after.spare(wish, rules);
+        let more = attempt.after.spare(wish, rules) - self.best.0.after.spare(wish, rules);
+        // What costs more must win more than a little.
+        let tie = if first { 0.0 } else { TIE * self.case.scene.robot().scale() };
+        let less = more > tie;
         if less {
             self.best = (self.case.proposal(change, attempt), barrier);
         } else if first {

@@ -26,6 +26,8 @@ struct Promise {
     place: Point3<f64>,
     /// What would be to spare with the chassis where it is (m).
     spare: f64,
+    /// What the feet would allow at most, beyond the wish (m).
+    most: f64,
 }
 
 impl Case<'_> {
@@ -38,7 +40,13 @@ impl Case<'_> {
         tally: &mut Tally<'_>,
         work: &mut Work<'_, W>,
     ) {
-        let promises = self.promises(place);
+        let mut promises = self.promises(place);
+        // Where no feet allow the wish one step tells how much more there would be.
+        if promises.iter().any(|promise| promise.most >= 0.0) {
+            promises.retain(|promise| promise.most >= 0.0);
+        } else {
+            promises.truncate(1);
+        }
         let part = budget / (2 * MOST_STEPS);
         for promise in promises.iter().take(MOST_STEPS) {
             if tally.is_met() || work.watch.stopped().is_some() {
@@ -118,7 +126,8 @@ impl Case<'_> {
         let wanted = Wanted::margins(&contacts, robot.stance(), wish.regular, wish.conservative)?;
         let com = posture.with_leg(robot, leg, &down.angles).center_of_mass(robot);
         let spare = wanted.spare(&com);
-        spare.is_finite().then_some(Promise { leg, place: down.place.ground, spare })
+        let (_, most) = wanted.best()?;
+        spare.is_finite().then_some(Promise { leg, place: down.place.ground, spare, most })
     }
 
     /// The step, and the rover after it.

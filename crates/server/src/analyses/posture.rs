@@ -7,10 +7,10 @@ use motion::{
 };
 use rover::{LegId, Robot};
 use wire::analysis::{
-    AdviceRequest, PlanBasis, PlanCommand, PostureAccidents, PostureAdvice, PostureAftermath,
-    PostureAnswer, PostureBarrier, PostureBest, PostureChange, PostureCost, PostureFreedom,
-    PostureLimit, PostureMargins, PostureOutcome, PostureProposal, PostureRehearsal,
-    PostureRequest, PostureWayBack, PostureWayOutcome, RehearsalRequest,
+    AdviceRequest, PlanBasis, PlanCommand, PlanPhase, PostureAccidents, PostureAdvice,
+    PostureAftermath, PostureAnswer, PostureBarrier, PostureBest, PostureChange, PostureCost,
+    PostureFreedom, PostureLimit, PostureMargins, PostureOutcome, PostureProposal,
+    PostureRehearsal, PostureRequest, PostureWayBack, PostureWayOutcome, RehearsalRequest,
 };
 use wire::check::{self, At, RequestError};
 use wire::convert;
@@ -185,7 +185,15 @@ impl Teller<'_> {
     }
 
     fn commands(&self, motion: &Motion) -> Vec<PlanCommand> {
-        commands(self.robot, motion.leg, &motion.start, &motion.waypoints, self.drive_hold)
+        let (robot, leg) = (self.robot, motion.leg);
+        let mut all = commands(robot, leg, &motion.start, &motion.waypoints, self.drive_hold);
+        // A leg that is moved and not put down is folded.
+        if !all.iter().any(|command| command.phase == PlanPhase::Drop) {
+            for command in all.iter_mut().filter(|c| c.phase == PlanPhase::Transit) {
+                command.title = format!("Fold {}", self.leg(leg));
+            }
+        }
+        all
     }
 
     fn proposal(&self, proposal: &Proposal) -> PostureProposal {
