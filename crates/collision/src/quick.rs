@@ -62,7 +62,7 @@ impl<'c> QuickChecker<'c> {
         let moment = Moment::still(frames, allowance);
         match self.checker.look(&moment, item, &mut self.scratch) {
             Look::Violated(violation) => Some(violation.touch),
-            Look::Clear | Look::Open => None,
+            Look::Clear | Look::Open(_) => None,
         }
     }
 }

@@ -63,6 +63,12 @@ impl<'a> LegSpace<'a> {
         }
     }
 
+    /// The whole robot's center of mass with the leg at these angles, seen along gravity (m).
+    pub fn center_of_mass(&self, angles: &LegAngles) -> nalgebra::Vector2<f64> {
+        let chain = self.certifier.checker().chain();
+        chain.center_of_mass(&chain.frames(angles)).coords.xy()
+    }
+
     /// What stands in the way at these angles.
     pub fn blocked(&mut self, angles: &LegAngles) -> Option<Blocked> {
         let checker = self.certifier.checker();

@@ -6,42 +6,30 @@
 //! must hold on all feet. What is executed is linear in the joints between knots: see
 //! [`base_between`] for where the chassis then is. Frame `world`, meters, radians.
 
+mod barrier;
 mod body;
 mod chain;
 mod executed;
+mod reach;
 mod search;
+mod wanted;
 
 use collision::Scene;
-use nalgebra::{Isometry3, Point3, Vector6};
-use rand_chacha::ChaCha8Rng;
-use rover::{BodyChain, BodyMotion, Configuration, LegId, Posture, Sway};
-use stability::{Preference, StanceGuard, support_polygon};
+use nalgebra::{Isometry3, Point3};
+use rover::{Configuration, LegId};
+use stability::{Preference, StanceGuard};
 
+pub use barrier::Barrier;
 pub use body::{BodyClear, CertifiedBody, SampledBody};
 pub use executed::{Executed, base_between, closure_error};
 
 use crate::watch::Watch;
-use chain::ClosedChain;
-use search::{Candidate, Search, seeded};
+pub(crate) use chain::ClosedChain;
+pub(crate) use reach::{Reached, Shift};
+pub(crate) use wanted::Wanted;
 
 /// How far standing wheels may leave their places between knots (m at scale 1).
-const CLOSURE: f64 = 0.002;
-
-/// Way of the center of mass over half a piece below which the piece is not cut again where the margin
-/// is left open (m at scale 1).
-const FINEST_MARGIN: f64 = 1e-5;
-
-/// Half length of a piece, as a share of the way, below which it is not cut again.
-const SHORTEST: f64 = 1e-4;
-
-/// Heights from which the direct search starts beside the start's own (m at scale 1).
-const HEIGHTS: [f64; 2] = [-0.15, 0.15];
-
-/// Searches from scattered poses, where those from level shifts have not enough.
-const SCATTERS: usize = 4;
-
-/// Searches that share the budget evenly, so that none starves the others.
-const SEARCHES: usize = 1 + HEIGHTS.len() + SCATTERS;
+pub(crate) const CLOSURE: f64 = 0.002;
 
 /// A wish for a body shift.
 #[derive(Clone)]
@@ -92,6 +80,25 @@ impl<'a> ShiftRequest<'a> {
     }
 }
 
+/// Which way the chassis may go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Freedom {
+    /// To all sides, keeping its height and its attitude.
+    Level,
+    /// In all six directions.
+    #[default]
+    Whole,
+}
+
+impl Freedom {
+    fn n_axes(self) -> usize {
+        match self {
+            Freedom::Level => 2,
+            Freedom::Whole => 6,
+        }
+    }
+}
+
 /// A shift that may be executed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ShiftPlan {
@@ -136,207 +143,25 @@ pub fn plan_shift(
     let contacts: Vec<Point3<f64>> = request.standing.iter().map(|(_, p)| *p).collect();
     let staying: Vec<Point3<f64>> =
         request.standing.iter().filter(|(l, _)| *l != request.lifted).map(|(_, p)| *p).collect();
-    let guard = |contacts: &[Point3<f64>], preference| {
-        StanceGuard::new(contacts, robot.stance(), preference)
-    };
     // On all feet nothing is lifted yet: the wish to survive a full loss is about the step.
-    let (Some(all), Some(staying)) =
-        (guard(&contacts, Preference::Regular), guard(&staying, request.preference))
-    else {
+    let (Some(all), Some(staying)) = (
+        StanceGuard::new(&contacts, robot.stance(), Preference::Regular),
+        Wanted::rule(&staying, robot.stance(), request.preference),
+    ) else {
         return Err(none("the feet enclose no support polygon"));
     };
     let legs: Vec<LegId> = request.standing.iter().map(|(leg, _)| *leg).collect();
     let chain = ClosedChain::new(robot, request.start, &legs, request.drive_hold);
-    let origin = request.start.world_from_base.translation.vector;
-    let lever = contacts.iter().map(|p| (p.coords - origin).xy().norm()).sum::<f64>()
-        / contacts.len() as f64;
-    let shift = Shift { request, chain: &chain, staying: &staying, all: &all };
-    shift.plan(&mut Search {
+    let shift = Shift {
         chain: &chain,
         staying: &staying,
         all: &all,
+        contacts: &contacts,
         wanted: request.wanted_spare,
-        lever: lever.max(1e-3),
-        body,
-        watch,
+        closure: request.closure,
+        freedom: Freedom::Whole,
+        seed: request.seed,
         budget: request.budget,
-        obstacle: None,
-    })
-}
-
-struct Shift<'a> {
-    request: &'a ShiftRequest<'a>,
-    chain: &'a ClosedChain<'a>,
-    staying: &'a StanceGuard,
-    all: &'a StanceGuard,
-}
-
-impl Shift<'_> {
-    fn plan<B: BodyClear, W: Watch>(
-        &self,
-        search: &mut Search<'_, B, W>,
-    ) -> Result<ShiftPlan, NoShift> {
-        let start = search.candidate(Vector6::zeros()).map_err(|why| NoShift {
-            best_spare: f64::NEG_INFINITY,
-            pose: self.request.start.world_from_base,
-            why: format!("at the start {why}"),
-        })?;
-        if start.spare >= self.request.wanted_spare {
-            let configurations = vec![self.request.start.clone()];
-            return Ok(ShiftPlan { configurations, closure_error: 0.0, spare: start.spare });
-        }
-        let mut rng = seeded(self.request.seed);
-        let mut best = start.clone();
-        let mut why = None;
-        for near in [true, false] {
-            let mut candidates = if near {
-                self.search_at(&start, 0.0, search, &mut rng)
-            } else {
-                self.search_elsewhere(&start, search, &mut rng)
-            };
-            for candidate in &candidates {
-                if candidate.spare > best.spare {
-                    best = candidate.clone();
-                }
-            }
-            candidates.retain(|candidate| candidate.spare >= self.request.wanted_spare);
-            candidates.sort_by(|a, b| a.distance().total_cmp(&b.distance()));
-            for candidate in &candidates {
-                match self.way(candidate, search.body) {
-                    Ok(plan) => return Ok(plan),
-                    Err(text) => why = why.or(Some(format!("on the way {text}"))),
-                }
-            }
-        }
-        let why = why.unwrap_or_else(|| self.what_limits(&best, search));
-        let pose = best.configuration.world_from_base;
-        Err(NoShift { best_spare: best.spare, pose, why })
-    }
-
-    /// Where the center of mass would best be over the feet that stay.
-    fn goal_of_com(&self) -> Option<(Point3<f64>, f64)> {
-        let contacts = self.staying.contacts();
-        let regular = support_polygon::regular(contacts).ok()?;
-        let conservative = match self.request.preference {
-            Preference::Regular | Preference::Friction => None,
-            Preference::Conservative => support_polygon::conservative(contacts).ok(),
-        };
-        let area = conservative.as_ref().and_then(|region| region.area());
-        let (point, depth) = area.unwrap_or(&regular).deepest_point();
-        Some((Point3::new(point.x, point.y, 0.0), depth))
-    }
-
-    /// A level shift from a height over the start (m), and what the direct search makes of it.
-    fn search_at<B: BodyClear, W: Watch>(
-        &self,
-        start: &Candidate,
-        height: f64,
-        search: &mut Search<'_, B, W>,
-        rng: &mut ChaCha8Rng,
-    ) -> Vec<Candidate> {
-        search.budget = self.request.budget / SEARCHES;
-        let Ok(from) = search.candidate(start.offset + Vector6::ith(2, height)) else {
-            return Vec::new();
-        };
-        let com =
-            Posture::new(self.chain.robot, &from.configuration).center_of_mass(self.chain.robot);
-        let toward = self.goal_of_com().and_then(|(goal, _)| (goal - com).xy().try_normalize(1e-9));
-        let level = toward.map_or_else(|| from.clone(), |way| search.level(&way, &from));
-        let polished = search.direct(&level, rng);
-        vec![level, polished]
-    }
-
-    /// From other heights and from scattered poses.
-    fn search_elsewhere<B: BodyClear, W: Watch>(
-        &self,
-        start: &Candidate,
-        search: &mut Search<'_, B, W>,
-        rng: &mut ChaCha8Rng,
-    ) -> Vec<Candidate> {
-        let scale = self.chain.robot.scale();
-        let mut found: Vec<Candidate> = HEIGHTS
-            .iter()
-            .flat_map(|height| self.search_at(start, height * scale, search, rng))
-            .collect();
-        for _ in 0..SCATTERS {
-            search.budget = self.request.budget / SEARCHES;
-            let Some(from) = search.scattered(start, rng) else { continue };
-            found.push(search.direct(&from, rng));
-        }
-        found
-    }
-
-    /// The way to a candidate with its margin and its clearance.
-    fn way(&self, goal: &Candidate, body: &mut impl BodyClear) -> Result<ShiftPlan, String> {
-        let robot = self.chain.robot;
-        let (configurations, closure_error) =
-            self.chain.way(&goal.pose, self.request.closure).map_err(|o| o.text(robot))?;
-        if closure_error.is_nan() || closure_error > self.request.closure {
-            return Err(format!("the wheels would leave their places by {closure_error:.4} m"));
-        }
-        let legs = self.chain.legs();
-        let chain = BodyChain::new(robot);
-        for piece in configurations.windows(2) {
-            let executed = Executed::new(robot, &piece[0], &piece[1], &legs);
-            if !holds_along(self.all, &chain, &executed, FINEST_MARGIN * robot.scale()) {
-                return Err("the margin rule does not hold on all feet".into());
-            }
-            body.piece(&piece[0], &piece[1])?;
-        }
-        Ok(ShiftPlan { configurations, closure_error, spare: goal.spare })
-    }
-
-    /// What stops the best pose from being better.
-    fn what_limits<B: BodyClear, W: Watch>(
-        &self,
-        best: &Candidate,
-        search: &mut Search<'_, B, W>,
-    ) -> String {
-        let robot = self.chain.robot;
-        if search.watch.stopped().is_some() {
-            return "the search was stopped".into();
-        }
-        if let Some((goal, depth)) = self.goal_of_com() {
-            let rule = match self.request.preference {
-                Preference::Regular | Preference::Friction => robot.stance().margin,
-                Preference::Conservative => 0.0,
-            };
-            if depth - rule < self.request.wanted_spare {
-                let most = depth - rule;
-                return format!("no pose over these feet has more than {most:.2} m to spare");
-            }
-            let com = Posture::new(robot, &best.configuration).center_of_mass(robot);
-            let way = (goal - com).xy().try_normalize(1e-9).unwrap_or_default();
-            let step = Vector6::new(way.x, way.y, 0.0, 0.0, 0.0, 0.0) * (0.02 * robot.scale());
-            if let Err(text) = search.candidate(best.offset + step) {
-                return text;
-            }
-        }
-        search.obstacle.take().unwrap_or_else(|| {
-            "the search found no better pose; turns and heights of the chassis were tried".into()
-        })
-    }
-}
-
-/// Does the rule hold all along a motion? By the way that the center of mass can go from the middle
-/// of a piece; pieces where that leaves it open are cut until it goes less than `finest` (m).
-fn holds_along(
-    guard: &StanceGuard,
-    chain: &BodyChain,
-    motion: &impl BodyMotion,
-    finest: f64,
-) -> bool {
-    let mut pieces = vec![(0.5, 0.5)];
-    while let Some((middle, half)) = pieces.pop() {
-        let (com, bound) = Sway::new(chain, motion, middle, half).center_of_mass();
-        if guard.spare_about(&com, bound) >= 0.0 {
-            continue;
-        }
-        if guard.spare(&com) < 0.0 || bound < finest || half < SHORTEST {
-            return false;
-        }
-        let half = 0.5 * half;
-        pieces.extend([(middle + half, half), (middle - half, half)]);
-    }
-    true
+    };
+    shift.plan(&mut shift.search(body, watch))
 }

@@ -37,6 +37,9 @@ enum Command {
     Serve(run_server::ServeArgs),
     /// Plan one step of one leg; exit status 1 if there is no plan.
     Plan(analyze::RequestArgs),
+    /// Advise on the posture before a leg is lifted, rehearse the loss of legs; exit status 1 if the wish
+    /// cannot be met.
+    Posture(analyze::RequestArgs),
     /// Support polygons and margins of stances; exit status 1 if none is stable.
     Stability(analyze::RequestArgs),
     /// Where everything is in given states.
@@ -180,6 +183,7 @@ fn run(command: &Command, output: Output) -> Result<Verdict, Failure> {
     match command {
         Command::Serve(args) => run_server::serve(args, output),
         Command::Plan(args) => analyze::plan(args, output),
+        Command::Posture(args) => analyze::posture(args, output),
         Command::Stability(args) => analyze::stability(args, output),
         Command::Kinematics(args) => analyze::kinematics(args, output),
         Command::InverseKinematics(args) => analyze::inverse_kinematics(args, output),

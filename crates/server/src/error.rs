@@ -35,6 +35,7 @@ pub const CODES: &[(&str, u16, &str)] = &[
     ("payload_invalid", 422, "a payload with a mass, place or size that cannot be"),
     ("obstacle_invalid", 422, "an obstacle that is no closed solid"),
     ("contacts_invalid", 422, "contacts of which no region can be computed"),
+    ("stance_unusable", 422, "a stance about which no advice can be given; the message says why"),
     ("target_ambiguous", 422, "not exactly one of the ways to give a target"),
     ("terrain_ambiguous", 422, "not exactly one of the ways to give a ground"),
     ("recipe_unknown", 422, "a recipe of synthetic ground that is not there"),

@@ -4,12 +4,14 @@
 
 mod kinematics;
 mod plan;
+mod posture;
 mod reachability;
 mod stability;
 mod traversability;
 
 pub use kinematics::*;
 pub use plan::*;
+pub use posture::*;
 pub use reachability::*;
 pub use stability::*;
 pub use traversability::*;

@@ -4,6 +4,7 @@ use collision::{BodyCertifier, Certificate, Scene, Survey, Touch, Violation, sur
 use rover::{Configuration, LegId, Posture};
 
 use super::executed::Executed;
+use crate::answer::Constraint;
 use crate::check::touch_text;
 
 /// Largest change of a joint between two configurations looked at (rad).
@@ -16,6 +17,11 @@ const ROUNDING: f64 = 1e-7;
 pub trait BodyClear {
     /// Is the executed motion between two knots free? The error says what is in the way, in words.
     fn piece(&mut self, a: &Configuration, b: &Configuration) -> Result<(), String>;
+
+    /// What the last error was about, in the words of the wire, and how much was missing.
+    fn constraint(&self) -> Constraint {
+        Constraint { name: "clearance", missing: None, unit: "m" }
+    }
 }
 
 /// Certified: free at every resolution, by [`BodyCertifier`].
@@ -26,13 +32,14 @@ pub struct CertifiedBody<'a> {
     scene: &'a Scene,
     standing: Vec<LegId>,
     certifier: BodyCertifier<'a>,
+    missing: Option<f64>,
 }
 
 impl<'a> CertifiedBody<'a> {
     /// Prepares for shifts from `start` with these legs standing.
     pub fn new(scene: &'a Scene, start: &Configuration, standing: &[LegId]) -> CertifiedBody<'a> {
         let certifier = BodyCertifier::new(scene, start, standing);
-        CertifiedBody { scene, standing: standing.to_vec(), certifier }
+        CertifiedBody { scene, standing: standing.to_vec(), certifier, missing: None }
     }
 
     /// What is known of the executed motion between two knots.
@@ -43,17 +50,26 @@ impl<'a> CertifiedBody<'a> {
 
 impl BodyClear for CertifiedBody<'_> {
     fn piece(&mut self, a: &Configuration, b: &Configuration) -> Result<(), String> {
-        let blocked = |v: &Violation| Err(near_text(self.scene, v.touch, v.distance, v.required));
-        if a == b {
-            return self.certifier.violation(a).as_ref().map_or(Ok(()), blocked);
-        }
-        match self.certificate(a, b) {
-            Certificate::Free => Ok(()),
-            Certificate::Blocked { violation, .. } => blocked(&violation),
-            Certificate::Open { .. } => {
-                Err("something is too near to what must be kept to be told from a touch".into())
+        let found = if a == b {
+            self.certifier.violation(a)
+        } else {
+            match self.certificate(a, b) {
+                Certificate::Free => None,
+                Certificate::Blocked { violation, .. } => Some(violation),
+                Certificate::Open { .. } => {
+                    self.missing = None;
+                    let text = "something is too near to what must be kept to be told from a touch";
+                    return Err(text.into());
+                }
             }
-        }
+        };
+        self.missing = found.as_ref().map(|v| v.required - v.distance);
+        let text = |v: Violation| near_text(self.scene, v.touch, v.distance, v.required);
+        found.map_or(Ok(()), |v| Err(text(v)))
+    }
+
+    fn constraint(&self) -> Constraint {
+        Constraint { name: "clearance", missing: self.missing, unit: "m" }
     }
 }
 

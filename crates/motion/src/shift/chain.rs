@@ -1,13 +1,13 @@
 //! The closed chain of a rover on planted wheels: joint angles for a pose of the chassis.
 //!
 //! With closed-form leg kinematics a pose of the chassis gives the angles of every planted leg, so
-//! the stance manifold (H22-H29) is parametrized by six numbers and needs no iteration. One branch
-//! per leg is kept, that of the start. Frame `world`, meters, radians.
-
-use std::f64::consts::FRAC_PI_2;
+//! the stance manifold (H22-H29) is parametrized by six numbers and needs no iteration. Hip and knee of
+//! a leg keep the branch of the start. The wrist takes the branch that is nearer: a way through the
+//! straight wrist changes it, and may be gone where the wheel does not leave its place, which is
+//! looked at for every piece. Frame `world`, meters, radians.
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-use rover::{Branch, Configuration, LegAngles, LegId, Posture, Robot};
+use rover::{Branch, Configuration, IkSolution, LegAngles, LegId, Posture, Robot};
 
 use super::executed::{Executed, between};
 
@@ -15,11 +15,14 @@ use super::executed::{Executed, between};
 /// singularity.
 const JUMP: f64 = 0.35;
 
+/// Angles nearer than this are the same (rad).
+const SAME: f64 = 1e-6;
+
 /// Length of the chassis' way between two samples (m at scale 1, and rad).
 const SAMPLING: f64 = 0.02;
 
 /// Points of a way at which the search looks whether the legs can follow.
-const COARSE_SAMPLES: usize = 8;
+const COARSE_SAMPLES: usize = 16;
 
 /// Fork pitches that a held wheel may take from its start, by size (rad): least and count.
 const FORK_STEP: f64 = 0.05;
@@ -94,6 +97,8 @@ pub(crate) struct ClosedChain<'a> {
 pub(crate) struct ChainPose {
     pub world_from_base: Isometry3<f64>,
     forks: Vec<f64>,
+    /// Joint angles there.
+    legs: Vec<LegAngles>,
 }
 
 impl<'a> ClosedChain<'a> {
@@ -131,6 +136,7 @@ impl<'a> ClosedChain<'a> {
         planted: &Planted,
         base: &Isometry3<f64>,
         fork: f64,
+        near: &LegAngles,
     ) -> Result<LegAngles, Obstruction> {
         let leg = planted.leg;
         let model = self.robot.leg(leg);
@@ -140,33 +146,23 @@ impl<'a> ClosedChain<'a> {
             .ik
             .solve(model, &wheel)
             .map_err(|missed| Obstruction::Reach { leg, distance: missed.distance })?;
-        let solution = all
-            .iter()
-            .find(|solution| Some(solution.branch) == planted.branch)
-            .ok_or(Obstruction::Singular { leg })?;
-        if solution.within_limits {
+        let branch = planted.branch.ok_or(Obstruction::Singular { leg })?;
+        let wrist_apart =
+            |b: &Branch| (b.outward, b.knee_flipped) == (branch.outward, branch.knee_flipped);
+        let mut on_branch: Vec<&IkSolution> =
+            all.iter().filter(|solution| wrist_apart(&solution.branch)).collect();
+        let far = |solution: &IkSolution| (solution.angles - near).amax();
+        on_branch.sort_by(|a, b| far(a).total_cmp(&far(b)));
+        if let Some(solution) = on_branch.iter().find(|solution| solution.within_limits) {
             return Ok(solution.angles);
         }
-        let q = &solution.angles;
-        let beyond = (q - model.upper).sup(&(model.lower - q));
+        let beyond = on_branch
+            .iter()
+            .map(|solution| (solution.angles - model.upper).sup(&(model.lower - solution.angles)))
+            .min_by(|a, b| a.max().total_cmp(&b.max()))
+            .ok_or(Obstruction::Singular { leg })?;
         let joint = beyond.imax();
         Err(Obstruction::Limit { leg, joint, beyond: beyond[joint] })
-    }
-
-    /// The angles with this fork pitch, unless the wrist has turned over, which it does past the
-    /// straight wrist: joints 4 and 6 then differ from the start by about half a turn.
-    fn unturned(
-        &self,
-        planted: &Planted,
-        base: &Isometry3<f64>,
-        fork: f64,
-    ) -> Result<(LegAngles, f64), Obstruction> {
-        let angles = self.leg_angles(planted, base, fork)?;
-        let change = angles - self.start.legs[planted.leg.0];
-        if change[3].abs().max(change[5].abs()) > FRAC_PI_2 {
-            return Err(Obstruction::Singular { leg: planted.leg });
-        }
-        Ok((angles, fork))
     }
 
     /// Joint angles for a pose of the chassis, each fork pitched as little as it can be.
@@ -175,30 +171,39 @@ impl<'a> ClosedChain<'a> {
         configuration.world_from_base = *base;
         let mut forks = Vec::with_capacity(self.planted.len());
         for planted in &self.planted {
-            let mut found = self.unturned(planted, base, 0.0);
+            let near = &self.start.legs[planted.leg.0];
+            let pitched =
+                |fork: f64| self.leg_angles(planted, base, fork, near).map(|angles| (angles, fork));
+            let mut found = pitched(0.0);
             for i in 1..=FORK_STEPS {
                 if found.is_ok() || !self.drive_hold {
                     break;
                 }
                 for fork in [f64::from(i) * FORK_STEP, -f64::from(i) * FORK_STEP] {
-                    found = found
-                        .or_else(|first| self.unturned(planted, base, fork).map_err(|_| first));
+                    found = found.or_else(|first| pitched(fork).map_err(|_| first));
                 }
             }
             let (angles, fork) = found?;
             configuration.legs[planted.leg.0] = angles;
             forks.push(fork);
         }
-        Ok((configuration, ChainPose { world_from_base: *base, forks }))
+        let legs = configuration.legs.clone();
+        Ok((configuration, ChainPose { world_from_base: *base, forks, legs }))
     }
 
     /// The chassis on the straight way (even in place and turn) from the start to `goal`.
-    fn along(&self, goal: &ChainPose, t: f64) -> Result<Configuration, Obstruction> {
+    fn along(
+        &self,
+        goal: &ChainPose,
+        t: f64,
+        before: &Configuration,
+    ) -> Result<Configuration, Obstruction> {
         let base = between(&self.start.world_from_base, &goal.world_from_base, t);
         let mut configuration = self.start.clone();
         configuration.world_from_base = base;
         for (planted, fork) in self.planted.iter().zip(&goal.forks) {
-            configuration.legs[planted.leg.0] = self.leg_angles(planted, &base, fork * t)?;
+            let near = &before.legs[planted.leg.0];
+            configuration.legs[planted.leg.0] = self.leg_angles(planted, &base, fork * t, near)?;
         }
         Ok(configuration)
     }
@@ -212,8 +217,8 @@ impl<'a> ClosedChain<'a> {
     fn samples(&self, goal: &ChainPose, n: usize) -> Result<Vec<Configuration>, Obstruction> {
         let mut samples: Vec<Configuration> = vec![self.start.clone()];
         for i in 1..=n {
-            let here = self.along(goal, i as f64 / n as f64)?;
             let before = &samples[i - 1];
+            let here = self.along(goal, i as f64 / n as f64, before)?;
             let jumped = self.planted.iter().find(|planted| {
                 (here.legs[planted.leg.0] - before.legs[planted.leg.0]).amax() > JUMP
             });
@@ -222,7 +227,14 @@ impl<'a> ClosedChain<'a> {
             }
             samples.push(here);
         }
-        Ok(samples)
+        // The way must come to the goal's own branches.
+        let end = &samples[n];
+        let other =
+            |planted: &&Planted| (end.legs[planted.leg.0] - goal.legs[planted.leg.0]).amax() > SAME;
+        match self.planted.iter().find(other) {
+            Some(planted) => Err(Obstruction::Singular { leg: planted.leg }),
+            None => Ok(samples),
+        }
     }
 
     /// Knots of the way from the start to `goal`, such that between them the wheels keep to their

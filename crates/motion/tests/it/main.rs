@@ -8,9 +8,11 @@ use nalgebra::Vector3;
 use rover::{Configuration, LegId, Payload, Posture, Robot};
 use terrain::ElevationMap;
 
+mod adviser;
 mod body_shift;
 mod final_check;
 mod planners;
+mod rehearsal;
 mod sbl_scenes;
 mod shift;
 

@@ -266,7 +266,7 @@ fn waypoint(robot: &Robot, leg: LegId, waypoint: &Waypoint) -> PlanWaypoint {
     }
 }
 
-fn finding(finding: &Finding) -> PlanFinding {
+pub(super) fn finding(finding: &Finding) -> PlanFinding {
     let text = |text: &str| (!text.is_empty()).then(|| text.to_owned());
     PlanFinding {
         check: finding.check.into(),
@@ -280,7 +280,7 @@ fn finding(finding: &Finding) -> PlanFinding {
 /// One command for each phase, each beginning where the one before ends. `start` is the whole robot
 /// at the first waypoint. No commands at all where a shift lacks its stances: what follows it would
 /// begin elsewhere.
-fn commands(
+pub(super) fn commands(
     robot: &Robot,
     leg: LegId,
     start: &Configuration,
@@ -343,7 +343,7 @@ fn body_path(
 
 /// The way back: what undoes each command, the last one's first, each with its knots and times
 /// mirrored. The phase is that of the command that it undoes.
-fn retreat(leg: &str, commands: &[PlanCommand]) -> Vec<PlanCommand> {
+pub(super) fn retreat(leg: &str, commands: &[PlanCommand]) -> Vec<PlanCommand> {
     let back = |command: &PlanCommand| {
         let title = match command.phase {
             PlanPhase::Shift => "Shift the body back".into(),

@@ -8,9 +8,9 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 use wire::analysis::{
     CellExplanation, CellExplanationRequest, InverseKinematicsAnswer, InverseKinematicsRequest,
-    KinematicsAnswer, KinematicsRequest, PlanAnswer, PlanRequest, ReachabilityAnswer,
-    ReachabilityRequest, StabilityAnswer, StabilityRequest, TraversabilityAnswer,
-    TraversabilityRequest,
+    KinematicsAnswer, KinematicsRequest, PlanAnswer, PlanRequest, PostureAnswer, PostureRequest,
+    ReachabilityAnswer, ReachabilityRequest, StabilityAnswer, StabilityRequest,
+    TraversabilityAnswer, TraversabilityRequest,
 };
 use wire::check::RequestError;
 use wire::resources::ErrorBody;
@@ -34,6 +34,7 @@ pub fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(reachability_cell))
         .routes(routes!(traversability))
         .routes(routes!(plan))
+        .routes(routes!(posture))
 }
 
 /// Computes behind the gate, with the live rover as context.
@@ -187,5 +188,24 @@ async fn plan(
     let work = move |context: &Context, stop: &Stop| {
         analyses::plan(context, &request, stop, &|_, _| {}).map(|planned| planned.answer)
     };
+    compute(&app, deadline_s, work).await.map(Json)
+}
+
+/// The cheapest change of posture that gives a wanted margin before a leg is lifted, and what is left if a
+/// leg fails or a foot settles now, with the way back.
+#[utoipa::path(
+    post, path = "/analysis/posture", tag = "analysis", request_body = PostureRequest,
+    responses(
+        (status = 200, body = PostureAnswer),
+        (status = 422, body = ErrorBody), (status = 429, body = ErrorBody),
+        (status = 504, body = ErrorBody)
+    )
+)]
+async fn posture(
+    State(app): State<AppState>,
+    Body(request): Body<PostureRequest>,
+) -> Result<Json<PostureAnswer>, ApiError> {
+    let deadline_s = request.deadline_s;
+    let work = move |context: &Context, stop: &Stop| analyses::posture(context, &request, stop);
     compute(&app, deadline_s, work).await.map(Json)
 }

@@ -10,8 +10,8 @@ use serde::de::DeserializeOwned;
 use serde_json::json;
 use tokio::time::Instant;
 use wire::analysis::{
-    InverseKinematicsRequest, KinematicsRequest, PlanRequest, REACH_CLASSES, ReachabilityRequest,
-    StabilityRequest, TraversabilityRequest,
+    InverseKinematicsRequest, KinematicsRequest, PlanRequest, PostureOutcome, PostureRequest,
+    REACH_CLASSES, ReachabilityRequest, StabilityRequest, TraversabilityRequest,
 };
 use wire::check::RequestError;
 
@@ -150,6 +150,17 @@ pub(super) fn plan(args: &RequestArgs, output: Output) -> Result<Verdict, Failur
         let answer = analyses::plan(context, &request, &stop, &|_, _| {})?.answer;
         let verdict = verdict(answer.outcome == "found");
         Ok((answer, verdict))
+    })
+}
+
+pub(super) fn posture(args: &RequestArgs, output: Output) -> Result<Verdict, Failure> {
+    let request: PostureRequest = read(&args.request)?;
+    answer(args, output, |context| {
+        let stop = Stop::after(request.deadline_s)?;
+        let answer = analyses::posture(context, &request, &stop)?;
+        let advice = answer.advice.as_ref();
+        let yes = advice.is_none_or(|advice| advice.outcome != PostureOutcome::Best);
+        Ok((answer, verdict(yes)))
     })
 }
 

@@ -56,6 +56,11 @@ fn requests() -> Vec<(&'static str, Value)> {
             "plan",
             json!({ "scene": scene(), "leg": "leg1", "target": { "position_m": [2.4, 0.2, 0.0] } }),
         ),
+        (
+            "posture",
+            json!({ "scene": scene(), "rehearsal": { "settlement_m": 0.2 },
+                    "advice": { "leg": "leg1", "conservative_m": 0.05, "replace": false } }),
+        ),
     ]
 }
 
@@ -215,4 +220,29 @@ async fn a_tool_cuts_the_range_of_a_joint() {
     both["shapes"][0]["sphere_m"] = json!(0.1);
     let refused = ground.post("analysis/inverse-kinematics", &with(both)).await;
     assert_eq!(refused.code(), "payload_invalid");
+}
+
+#[tokio::test]
+async fn the_rover_executes_what_the_adviser_proposes() {
+    for (leg, margin_m, change) in [("leg1", 0.2, "chassis"), ("leg2", 0.3, "fold")] {
+        let ground = Ground::start().await;
+        let advice = json!({ "leg": leg, "conservative_m": margin_m, "replace": false });
+        let answer = ground.post("analysis/posture", &json!({ "advice": advice })).await.json();
+        let advice = &answer["advice"];
+        assert_eq!(advice["outcome"], "found", "{advice}");
+        let proposal = &advice["proposals"][0];
+        assert_eq!(proposal["change"], change, "{proposal}");
+        for command in proposal["commands"].as_array().unwrap() {
+            let ended = ground.execute_body(&command["body"]).await;
+            assert_eq!(ended["state"], "done", "{ended}");
+        }
+        let there = || async {
+            let frame = ground.frame().await;
+            let base = &frame["state"]["base"]["position_m"];
+            let end = &proposal["end"]["base"]["position_m"];
+            let off = |i: usize| base[i].as_f64().unwrap() - end[i].as_f64().unwrap();
+            frame["mode"] == "idle" && off(0).hypot(off(1)).hypot(off(2)) < 0.01
+        };
+        ground.until("the rover in the posture proposed", there).await;
+    }
 }

@@ -137,6 +137,13 @@ fn cases() -> Vec<(&'static str, String, &'static str, &'static str)> {
         (t, "{\"limits\":{\"known_share_min\":2}}".into(), "out_of_range", "limits"),
         (t, "{\"terrain\":{\"file\":\"..\"}}".into(), "file_name_invalid", "terrain.file"),
         // plans
+        ("analysis/posture", "{}".into(), "missing_field", "advice"),
+        ("analysis/posture", "{\"advice\":{\"leg\":\"leg9\"}}".into(), "leg_unknown", "advice.leg"),
+        ("analysis/posture", "{\"advice\":{\"leg\":\"leg1\",\"regular_m\":-1}}".into(), "out_of_range", "advice.regular_m"),
+        ("analysis/posture", "{\"advice\":{\"leg\":\"leg1\",\"conservative_m\":1e999}}".into(), "not_finite", "advice.conservative_m"),
+        ("analysis/posture", "{\"advice\":{\"leg\":\"leg1\",\"chassis\":\"up\"}}".into(), "wrong_type", "advice.chassis"),
+        ("analysis/posture", "{\"rehearsal\":{\"settlement_m\":9}}".into(), "out_of_range", "rehearsal.settlement_m"),
+        ("analysis/posture", "{\"rehearsal\":{},\"budget\":2000000}".into(), "out_of_range", "budget"),
         (p, "{}".into(), "missing_field", ""),
         (p, plan("\"leg\":\"leg2\""), "wrong_type", ""),
         (p, plan("\"planner\":\"magic\""), "wrong_type", "planner"),
