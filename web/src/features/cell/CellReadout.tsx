@@ -4,11 +4,15 @@ import { useEffect, useState } from "react";
 
 import { api, sentenceOf } from "../../api/client";
 import type { CellAnswer, Vec3 } from "../../api/types";
-import { degrees, metres, percent, signless } from "../../lib/format";
-import { REACHABILITY, type Reason, REASONS, TRAVERSABILITY } from "../../scene/palette";
+import { capital, degrees, legLabel, metres, signless } from "../../lib/format";
+import { whyNot } from "../../lib/whyNot";
+import { REACHABILITY, TRAVERSABILITY } from "../../scene/palette";
+import { useConsole } from "../../store/console";
 import { reachAt, type ReachCell, useReach } from "../../store/reach";
 import { useSelection } from "../../store/selection";
 import { classAt, useTerrain } from "../../store/terrain";
+import { useView } from "../../store/view";
+import { Swatch } from "../../ui/Swatch";
 import "./cell.css";
 
 const ASK_AFTER_MS = 180;
@@ -47,7 +51,6 @@ export function CellReadout() {
   const point = hover ?? pick;
   const { cell, failure } = useCell(point);
   const raster = useTerrain((s) => s.raster);
-  const grid = useReach((s) => s.grid);
   if (!point) {
     return (
       <section className="cell panel" aria-label="Place">
@@ -58,7 +61,6 @@ export function CellReadout() {
   }
   const known = raster?.knownAt(point[0], point[1]) ?? false;
   const kind = cell?.class ?? classAt(point[0], point[1]);
-  const reach = grid && reachAt(grid, point[0], point[1]);
   return (
     <section className="cell panel" aria-label="Place">
       <div className="row between">
@@ -78,7 +80,7 @@ export function CellReadout() {
         />
         <Fact name="certain" value={cell?.certainty == null ? "–" : cell.certainty.toFixed(2)} />
       </dl>
-      {reach && <WhyNot reach={reach} />}
+      <WhyNot point={point} />
       {failure && <p className="quiet small">{failure}</p>}
       <PickLine pick={pick} />
     </section>
@@ -94,31 +96,51 @@ function Fact({ name, value }: { name: string; value: string }) {
   );
 }
 
-function shortBy(missing: number, unit: Reason["unit"]): string {
-  if (unit === "rad") return degrees(missing);
-  return unit === "share" ? percent(missing) : metres(missing);
-}
-
-/** In words: can the leg stand here, and if not, which check fails and by how much. */
-export function whyNot(reach: ReachCell): string {
-  const verdict = REACHABILITY.find((s) => s.value === reach.class)?.name ?? "unknown";
-  if (reach.class === 4) {
-    const margin = Number.isFinite(reach.margin_m) ? `, margin ${metres(reach.margin_m)}` : "";
-    return `Reachable${margin}`;
-  }
-  const reason = REASONS[reach.reason];
-  const short = Number.isFinite(reach.missing) && reach.missing > 0;
-  const amount = short ? `, ${shortBy(reach.missing, reason?.unit ?? "m")} short` : "";
-  return `${verdict.charAt(0).toUpperCase()}${verdict.slice(1)}${reason ? `: ${reason.text}${amount}` : amount}`;
-}
-
-function WhyNot({ reach }: { reach: ReachCell }) {
-  const style = REACHABILITY.find((s) => s.value === reach.class);
+/** What the chosen leg makes of the place; asks for the answer to be made where there is none yet. */
+function WhyNot({ point }: { point: Vec3 }) {
+  const leg = useSelection((s) => s.leg);
+  const { grid, leg: of, state } = useReach();
+  const overlay = useView((s) => s.overlay);
+  const live = useConsole((s) => s.stream.replayState === null);
+  if (leg === null) return null;
+  const reach = of === leg && grid ? reachAt(grid, point[0], point[1]) : null;
+  if (reach) return <Verdict reach={reach} leg={leg} />;
+  const who = capital(legLabel(leg));
+  if (grid && of === leg) return <p className="quiet small">{who}: farther than was looked at.</p>;
+  if (overlay === "reachability" || !live)
+    return state === "loading" ? <p className="quiet small">{who}: computing…</p> : null;
   return (
-    <p className="why-not" data-testid="why-not">
-      <i style={{ background: style?.color }} aria-hidden />
-      {whyNot(reach)}
-    </p>
+    <button
+      type="button"
+      className="button bare why-ask"
+      data-testid="why-ask"
+      onClick={() => useView.setState({ overlay: "reachability" })}
+    >
+      Why can {legLabel(leg)} stand here, or not?
+    </button>
+  );
+}
+
+function Verdict({ reach, leg }: { reach: ReachCell; leg: string }) {
+  const style = REACHABILITY.find((s) => s.value === reach.class);
+  const { verdict, reason, missing, margin } = whyNot(reach);
+  return (
+    <div className="why-not" data-testid="why-not">
+      <p className="row">
+        {style && <Swatch style={style} />}
+        <strong>
+          {capital(legLabel(leg))}: {verdict}
+        </strong>
+      </p>
+      {reason && <p className="why-reason">{capital(reason)}</p>}
+      {(missing ?? margin) !== null && (
+        <dl className="cell-facts">
+          {missing !== null && <Fact name="missing" value={missing} />}
+          {margin !== null && <Fact name="margin" value={margin} />}
+        </dl>
+      )}
+      {/* The nearest mend of the refusal stands here once the server tells one. */}
+    </div>
   );
 }
 
