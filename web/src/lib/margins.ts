@@ -217,7 +217,7 @@ export function marginTable(stability: StabilityDerived, asked: Asked): MarginTa
       torqueRow(
         {
           key: "loadTorque",
-          name: "Torque, loads",
+          name: "Torque, compliant",
           about: "Largest torque of its limit, with the loads that springy legs may carry",
         },
         forces?.load_torque_ratio,

@@ -13,6 +13,7 @@ import { useSelection } from "../../store/selection";
 import { classAt, useTerrain } from "../../store/terrain";
 import { useView } from "../../store/view";
 import { Swatch } from "../../ui/Swatch";
+import { useReachIsOld } from "../overlays/useReachability";
 import "./cell.css";
 
 const ASK_AFTER_MS = 180;
@@ -82,7 +83,7 @@ export function CellReadout() {
       </dl>
       <WhyNot point={point} />
       {failure && <p className="quiet small">{failure}</p>}
-      <PickLine pick={pick} />
+      <PickLine pick={pick} shown={pick !== null} />
     </section>
   );
 }
@@ -102,9 +103,10 @@ function WhyNot({ point }: { point: Vec3 }) {
   const { grid, leg: of, state } = useReach();
   const overlay = useView((s) => s.overlay);
   const live = useConsole((s) => s.stream.replayState === null);
+  const old = useReachIsOld();
   if (leg === null) return null;
   const reach = of === leg && grid ? reachAt(grid, point[0], point[1]) : null;
-  if (reach) return <Verdict reach={reach} leg={leg} />;
+  if (reach) return <Verdict reach={reach} leg={leg} old={old} />;
   const who = capital(legLabel(leg));
   if (grid && of === leg) return <p className="quiet small">{who}: farther than was looked at.</p>;
   if (overlay === "reachability" || !live)
@@ -116,12 +118,12 @@ function WhyNot({ point }: { point: Vec3 }) {
       data-testid="why-ask"
       onClick={() => useView.setState({ overlay: "reachability" })}
     >
-      Why can {legLabel(leg)} stand here, or not?
+      Can {legLabel(leg)} stand here? <kbd>r</kbd>
     </button>
   );
 }
 
-function Verdict({ reach, leg }: { reach: ReachCell; leg: string }) {
+function Verdict({ reach, leg, old }: { reach: ReachCell; leg: string; old: boolean }) {
   const style = REACHABILITY.find((s) => s.value === reach.class);
   const { verdict, reason, missing, margin } = whyNot(reach);
   return (
@@ -132,21 +134,22 @@ function Verdict({ reach, leg }: { reach: ReachCell; leg: string }) {
           {capital(legLabel(leg))}: {verdict}
         </strong>
       </p>
-      {reason && <p className="why-reason">{capital(reason)}</p>}
+      {reason && <p>{capital(reason)}</p>}
       {(missing ?? margin) !== null && (
         <dl className="cell-facts">
           {missing !== null && <Fact name="missing" value={missing} />}
           {margin !== null && <Fact name="margin" value={margin} />}
         </dl>
       )}
+      {old && <p className="quiet small">For the stance before; computed anew</p>}
       {/* The nearest mend of the refusal stands here once the server tells one. */}
     </div>
   );
 }
 
-function PickLine({ pick }: { pick: Vec3 | null }) {
+function PickLine({ pick, shown = true }: { pick: Vec3 | null; shown?: boolean }) {
   return (
-    <p className="small quiet" data-testid="pick" aria-live="polite">
+    <p className={shown ? "small quiet" : "sr"} data-testid="pick" aria-live="polite">
       {pick ? (
         <>
           Pick{" "}

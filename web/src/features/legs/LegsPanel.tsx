@@ -63,7 +63,13 @@ export function StancePanel() {
           All
         </button>
       </div>
-      <MarginDial margin_m={regular?.margin_m ?? null} needed_m={model.margin_m} />
+      <MarginDial margin_m={regular?.margin_m ?? null} needed_m={model.margin_m}>
+        {regular?.critical && (
+          <span data-testid="critical-edge" title={`Decided by ${critical}`}>
+            at {feetLabel(feetOf(regular.critical))}
+          </span>
+        )}
+      </MarginDial>
       <dl className="facts">
         <dt title="Margin should any one leg slip">conservative</dt>
         <dd className="num">{shortly(regionOf(stability, "conservative"))}</dd>
@@ -74,11 +80,6 @@ export function StancePanel() {
         </dt>
         <dd className="num">{metres(settlement_margin_m)}</dd>
       </dl>
-      {regular?.critical && (
-        <p className="quiet small critical-edge" data-testid="critical-edge" title={critical}>
-          decided by {feetLabel(feetOf(regular.critical))}
-        </p>
-      )}
     </section>
   );
 }

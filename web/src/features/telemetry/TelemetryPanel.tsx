@@ -34,7 +34,9 @@ export function TelemetryPanel() {
               <th colSpan={2} title="Measured, within what springy legs would carry">
                 load
               </th>
-              <th colSpan={2}>torque of its limit</th>
+              <th colSpan={2} title="Largest torque of a joint, of its limit">
+                torque
+              </th>
             </tr>
           </thead>
           <tbody>
@@ -55,12 +57,12 @@ export function TelemetryPanel() {
                   <td>
                     <LoadBar
                       leg={legLabel(leg.name)}
-                      measured_n={force ? force[2] : null}
+                      measured_n={force && stands ? force[2] : null}
                       band_n={bands?.[leg.name] ?? null}
                       full_n={full_n}
                     />
                   </td>
-                  <td className="num right">
+                  <td className={stands ? "num right" : "quiet small right"}>
                     {stands ? (force ? newtons(Math.hypot(...force)) : "–") : "lifted"}
                   </td>
                   <td>
