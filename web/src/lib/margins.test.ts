@@ -106,7 +106,7 @@ describe("the table of margins", () => {
     expect(rows().frictionLoss).toMatchObject({
       value: "none",
       status: "caution",
-      why: "no center of mass is held",
+      why: "No center of mass is held",
     });
     const point = { conservative: polygon(-0.3, null), conservative_kind: "point" };
     expect(rows(point).conservative).toMatchObject({ value: "−0.30 m", beside: "a point" });

@@ -96,7 +96,7 @@ function torqueRow(
   named: Named & { key: string },
   ratio: number | null | undefined,
   joint: string | null | undefined,
-  absent: string,
+  absent: string | null,
 ): MarginRow {
   const row = { ...named, beside: "", critical: joint ? readable(joint) : "" };
   if (ratio == null) return { ...row, value: "–", ...UNKNOWN, why: absent };
@@ -121,7 +121,7 @@ function slipRow(forces: StabilityDerived["forces"]): MarginRow {
   const beside = `of ${forces.friction_coefficient.toFixed(2)}`;
   const { slip_margin } = forces;
   if (slip_margin == null) {
-    const why = "no friction would hold this stance";
+    const why = "No friction would hold this stance";
     return { ...row, value: "none", beside, status: "critical", says: "slips", why };
   }
   const judged: Judged =
@@ -133,7 +133,7 @@ function slipRow(forces: StabilityDerived["forces"]): MarginRow {
 
 function energyRow(forces: StabilityDerived["forces"]): MarginRow {
   const { energy_margin_m = null, energy_margin_j = null, energy_edge } = forces ?? {};
-  const why = forces && energy_margin_m === null ? "there is no support polygon" : null;
+  const why = forces && energy_margin_m === null ? "There is no support polygon" : null;
   const judged: Judged =
     energy_margin_m === null
       ? UNKNOWN
@@ -212,7 +212,7 @@ export function marginTable(stability: StabilityDerived, asked: Asked): MarginTa
         },
         forces?.least_torque_ratio,
         forces?.least_torque_joint,
-        forces ? "no forces hold this stance" : "not told",
+        forces ? "No forces hold this stance" : null,
       ),
       torqueRow(
         {
@@ -222,7 +222,7 @@ export function marginTable(stability: StabilityDerived, asked: Asked): MarginTa
         },
         forces?.load_torque_ratio,
         forces?.load_torque_joint,
-        forces ? "it tips" : "not told",
+        forces ? "It tips" : null,
       ),
     ],
     torqueSafe: forces?.torque_safe ?? null,

@@ -23,10 +23,10 @@ describe("a region", () => {
     expect(regionOf(null, "regular").kind).toBe("unknown");
     expect(regionOf(stability, "friction").kind).toBe("unknown");
     expect(regionOf(stability, "regular")).toMatchObject({ kind: "empty", polygon: null });
-    expect(regionOf(stability, "conservative").whyEmpty).toContain("fewer than three feet");
+    expect(regionOf(stability, "conservative").whyEmpty).toContain("Fewer than three feet");
     const forces = { friction: { kind: "empty", why_empty: "too steep" } };
     const told = { ...stability, forces } as unknown as StabilityDerived;
-    expect(regionOf(told, "friction")).toMatchObject({ kind: "empty", whyEmpty: "too steep" });
+    expect(regionOf(told, "friction")).toMatchObject({ kind: "empty", whyEmpty: "Too steep" });
   });
 });
 

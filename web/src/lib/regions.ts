@@ -1,6 +1,7 @@
 // The kinds of support regions, told in one shape whatever message they come from.
 
 import type { PolygonAnswer, StabilityDerived, Vec2 } from "../api/types";
+import { capital } from "./format";
 
 export const REGION_KEYS = [
   "regular",
@@ -29,8 +30,8 @@ const unknown = (key: RegionKey): Region => ({
   capped: false,
 });
 
-const FEW_FEET = "fewer than three feet stand apart";
-const NONE_KEEPS = "no place is within every polygon that one foot less leaves";
+const FEW_FEET = "Fewer than three feet stand apart";
+const NONE_KEEPS = "No place is safe whichever foot slips";
 
 export function regionOf(stability: StabilityDerived | null, key: RegionKey): Region {
   if (!stability) return unknown(key);
@@ -52,7 +53,7 @@ export function regionOf(stability: StabilityDerived | null, key: RegionKey): Re
     torque: forces.torque,
   };
   const { kind, region = null, why_empty = null, capped = false } = answers[key];
-  return { key, kind, polygon: region, whyEmpty: why_empty, capped };
+  return { key, kind, polygon: region, whyEmpty: why_empty && capital(why_empty), capped };
 }
 
 export const regionsOf = (stability: StabilityDerived | null): Region[] =>

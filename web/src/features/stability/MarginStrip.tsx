@@ -1,6 +1,6 @@
 // The margins of the last minutes over the time on board, with what the rule asks for as a line.
 
-import { useRef, useState } from "react";
+import { memo, useRef, useState } from "react";
 
 import { metres, signless } from "../../lib/format";
 import {
@@ -45,7 +45,8 @@ function frameOf(end_ms: number, minutes: number, [low, high]: [number, number])
   };
 }
 
-export function MarginStrip({ needed_m }: { needed_m: number }) {
+/** Drawn again when a span of the history is full, not with every message. */
+export const MarginStrip = memo(function MarginStrip({ needed_m }: { needed_m: number }) {
   const samples = useMarginHistory((s) => s.samples);
   const [hovered_ms, setHovered] = useState<number | null>(null);
   const svg = useRef<SVGSVGElement>(null);
@@ -92,7 +93,7 @@ export function MarginStrip({ needed_m }: { needed_m: number }) {
       <StripLegend sample={hovered ?? last} needed_m={needed_m} />
     </section>
   );
-}
+});
 
 interface AxesProps {
   axis: [number, number];
