@@ -13,7 +13,7 @@ test("a conservative step shifts the body first and is executed to its end", asy
   await server.setDelay(0.5);
   await ops.open();
   await ops.at("plan-options").click();
-  await ops.at("option-conservative").check();
+  await ops.at("preference-conservative").check();
   await expect(ops.at("plan-options-chosen")).toHaveText("conservative");
   await ops.at("plan-options").click();
   await ops.pickBeside("leg5", 0.2, -0.25);
@@ -83,7 +83,7 @@ test("a step that cannot be says what is missing and where it could be", async (
 
   await ops.at("plan-drop").click();
   await ops.at("plan-options").click();
-  await ops.at("option-conservative").check();
+  await ops.at("preference-conservative").check();
   await ops.at("plan-options").click();
   await ops.pickBeside("leg4", -0.1, 0);
   await page.keyboard.press("Enter");

@@ -11,14 +11,18 @@ import { KeySheet } from "./features/keys/KeySheet";
 import { useHotkeys } from "./features/keys/useHotkeys";
 import { LegsPanel, StancePanel } from "./features/legs/LegsPanel";
 import { LogPanel } from "./features/log/LogPanel";
-import { DrawingPanel, OverlayPanel } from "./features/overlays/OverlayPanel";
+import { DrawingPanel } from "./features/overlays/DrawingPanel";
+import { OverlayPanel } from "./features/overlays/OverlayPanel";
 import { useReachability } from "./features/overlays/useReachability";
 import { PlanPanel } from "./features/plan/PlanPanel";
 import { Timeline } from "./features/replay/Timeline";
 import { SceneView } from "./features/scene/SceneView";
+import { StabilityPanel } from "./features/stability/StabilityPanel";
 import { StepStrip } from "./features/step-strip/StepStrip";
 import { TelemetryPanel } from "./features/telemetry/TelemetryPanel";
 import { start, useConsole } from "./store/console";
+import { startEnergy } from "./store/energy";
+import { startMargins } from "./store/marginHistory";
 import { loadTerrain, useTerrain } from "./store/terrain";
 import { type RightTab, useView } from "./store/view";
 
@@ -41,6 +45,8 @@ function useTerrainOfVersion(): void {
 
 export function App() {
   useEffect(start, []);
+  useEffect(startMargins, []);
+  useEffect(startEnergy, []);
   useHotkeys();
   useTerrainOfVersion();
   useReachability();
@@ -97,6 +103,7 @@ function LeftPanels() {
 const TABS: [RightTab, string][] = [
   ["step", "Step"],
   ["hand", "By hand"],
+  ["stability", "Stability"],
   ["telemetry", "Telemetry"],
   ["log", "Log"],
 ];
@@ -151,6 +158,7 @@ function RightPanel() {
           >
             {tab === "step" && <PlanPanel />}
             {tab === "hand" && <HandPanel />}
+            {tab === "stability" && <StabilityPanel />}
             {tab === "telemetry" && <TelemetryPanel />}
             {tab === "log" && <LogPanel />}
           </div>

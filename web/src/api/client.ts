@@ -17,6 +17,9 @@ import type {
   ReplayChange,
   ReplayState,
   RoverAnswer,
+  StabilityAnswer,
+  StabilityPreference,
+  StabilityRequest,
   StageRequest,
   TerrainFiles,
   TerrainVersions,
@@ -110,13 +113,15 @@ export const api = {
   },
   importTerrain: (request: ImportRequest) => json<JobReport>("POST", "terrain/imports", request),
 
-  reachability: (leg: string, signal: AbortSignal) =>
+  stability: (request: StabilityRequest, signal: AbortSignal) =>
+    json<StabilityAnswer>("POST", "analysis/stability", request, signal),
+  reachability: (leg: string, stability: StabilityPreference, signal: AbortSignal) =>
     bytes("analysis/reachability", {
       method: "POST",
       signal,
       headers: { "Content-Type": "application/json", Accept: "application/octet-stream" },
       // Cells and lift are the server's defaults: they go with the robot's scale, as those of plans.
-      body: JSON.stringify({ legs: [leg], stability: "regular" }),
+      body: JSON.stringify({ legs: [leg], stability }),
     }),
 
   planAtOnce: (request: PlanRequest, signal: AbortSignal) =>

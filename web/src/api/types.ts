@@ -31,6 +31,10 @@ interface Lengths {
   place_m: Vec2;
   contact_points_m: Record<string, Vec3>;
   wheel_forces_n: Record<string, Vec3>;
+  contact_forces_n: Record<string, Vec3>;
+  load_share_n: Record<string, Vec3>;
+  center_of_force_m: Vec2;
+  energy_edge: [string, string];
 }
 
 type Sized<T> = T extends (infer Item)[]
@@ -57,6 +61,10 @@ export type LegModel = Wire<"LegModel">;
 export type RoverAnswer = Wire<"RoverAnswer">;
 export type PolygonAnswer = Wire<"PolygonAnswer">;
 export type StabilityDerived = Wire<"StabilityDerived">;
+export type StabilityRequest = Wire<"StabilityRequest">;
+export type StabilityAnswer = Wire<"StabilityAnswer">;
+export type EnergySurface = Wire<"EnergySurface">;
+export type StabilityPreference = Wire<"StabilityPreference">;
 
 export type CommandBody = Wire<"CommandBody">;
 export type CommandState = Wire<"CommandState">;

@@ -6,12 +6,15 @@ import type {
   PlanAnalysis,
   RoverState,
   RoverTelemetry,
+  StabilityDerived,
   Vec2,
   Vec3,
 } from "../api/types";
 import { type PlanPose, poseAt } from "../lib/pose";
+import { type RegionKey, regionOf } from "../lib/regions";
 import { predictedPose } from "../lib/step";
 import { useConsole } from "../store/console";
+import { useEnergy } from "../store/energy";
 import { freshnessOf } from "../store/freshness";
 import { useFollow } from "../store/follow";
 import { shownNow } from "../store/now";
@@ -37,6 +40,7 @@ export function bind(viewer: Viewer): Unbind {
     bindSelection(viewer),
     bindPlan(viewer),
     bindFollow(viewer),
+    bindEnergy(viewer),
     bindCamera(viewer),
   ];
   return () => stops.forEach((stop) => stop());
@@ -72,7 +76,8 @@ function bindRover(viewer: Viewer): Unbind {
     }
     const view = useView.getState();
     const raster = useTerrain.getState().raster;
-    const look = `${view.forces}${view.polygons}${view.torqueColors}${raster?.z_max_m}${robotOf}`;
+    const { forces, polygons, regions, torqueColors } = view;
+    const look = `${forces}${polygons}${regions.join()}${torqueColors}${raster?.z_max_m}${robotOf}`;
     if (model && (channels !== before || look !== drawn)) {
       const changed = look !== drawn || stanceChanged(before, channels);
       before = channels;
@@ -123,6 +128,9 @@ function moved(a: RoverTelemetry, b: RoverTelemetry): boolean {
   );
 }
 
+const outlineOf = (stability: StabilityDerived, key: RegionKey): number[] =>
+  regionOf(stability, key).polygon?.polygon_m.flat() ?? [];
+
 /** Telemetry comes ten times a second; most of it says what the last frame said. */
 function stanceChanged(before: Channels | null, now: Channels): boolean {
   const a = before?.stability?.message;
@@ -133,7 +141,7 @@ function stanceChanged(before: Channels | null, now: Channels): boolean {
   return (
     forcesMoved ||
     far(a.com_m, b.com_m) ||
-    far(a.regular?.polygon_m.flat() ?? [], b.regular?.polygon_m.flat() ?? []) ||
+    useView.getState().regions.some((key) => far(outlineOf(a, key), outlineOf(b, key))) ||
     Math.abs(a.torque_ratio - b.torque_ratio) > 0.01
   );
 }
@@ -145,7 +153,8 @@ function showStance(viewer: Viewer, channels: Channels, needed_m: number, unit_n
   const edge = margin < 0 ? "out" : margin < needed_m ? "low" : "good";
   // The store's raster, for the viewer's may still be that of the map before.
   const { raster } = useTerrain.getState();
-  viewer.stance.setPolygons(view.polygons ? stability : null, raster, EDGE_COLORS[edge]);
+  const polygons = view.polygons ? stability : null;
+  viewer.stance.setPolygons(polygons, view.regions, raster, EDGE_COLORS[edge]);
   viewer.stance.setForces(view.forces ? (channels.rover?.message ?? null) : null, unit_n);
   viewer.robot?.setTorques(view.torqueColors ? (stability?.torque_ratios ?? null) : null);
   viewer.invalidate();
@@ -325,6 +334,23 @@ function bindFollow(viewer: Viewer): Unbind {
     showGhost(viewer);
   };
   return useFollow.subscribe(update);
+}
+
+function bindEnergy(viewer: Viewer): Unbind {
+  let surface: unknown = null;
+  let raster: unknown = null;
+  const update = () => {
+    const next = useEnergy.getState().surface;
+    const ground = useTerrain.getState().raster;
+    if (next === surface && (next === null || ground === raster)) return;
+    surface = next;
+    raster = ground;
+    viewer.energy.set(next, ground);
+    viewer.invalidate();
+  };
+  update();
+  const stops = [useEnergy.subscribe(update), useTerrain.subscribe(update)];
+  return () => stops.forEach((stop) => stop());
 }
 
 function bindCamera(viewer: Viewer): Unbind {

@@ -6,11 +6,14 @@ import { LineGeometry } from "three/addons/lines/LineGeometry.js";
 import { LineMaterial } from "three/addons/lines/LineMaterial.js";
 
 import type { Vec3 } from "../api/types";
+import type { Dash } from "./palette";
 
 export interface LineStyle {
   color: string;
   width: number;
   dashed?: boolean;
+  /** A pattern of its own: one line for each, laid over each other. */
+  dashes?: Dash[];
   opacity?: number;
   /** Opacity where something is in front, 0 for hidden. */
   behind?: number;
@@ -31,10 +34,17 @@ export function keptMaterial<M extends Material>(key: string, make: () => M): M 
   return made;
 }
 
-function lineMaterial(style: LineStyle, depthTest: boolean, opacity: number): LineMaterial {
-  const { color, width, dashed = false } = style;
+const DASHED: Dash = [0.16, 0.1, 0];
+
+function lineMaterial(
+  { color, width }: LineStyle,
+  dash: Dash | null,
+  depthTest: boolean,
+  opacity: number,
+): LineMaterial {
+  const [dashSize, gapSize, dashOffset] = dash ?? DASHED;
   return keptMaterial(
-    `line ${color} ${width} ${dashed} ${depthTest} ${opacity}`,
+    `line ${color} ${width} ${dash?.join()} ${depthTest} ${opacity}`,
     () =>
       new LineMaterial({
         color,
@@ -43,9 +53,10 @@ function lineMaterial(style: LineStyle, depthTest: boolean, opacity: number): Li
         opacity,
         depthTest,
         depthWrite: false,
-        dashed,
-        dashSize: 0.16,
-        gapSize: 0.1,
+        dashed: dash !== null,
+        dashSize,
+        gapSize,
+        dashOffset,
       }),
   );
 }
@@ -55,11 +66,14 @@ export function line(points: Vec3[], style: LineStyle): Group {
   if (points.length < 2) return group;
   const geometry = new LineGeometry();
   geometry.setPositions(points.flat());
+  const dashes = style.dashes?.length ? style.dashes : [style.dashed ? DASHED : null];
   const make = (depthTest: boolean, opacity: number) => {
-    const drawn = new Line2(geometry, lineMaterial(style, depthTest, opacity));
-    if (style.dashed) drawn.computeLineDistances();
-    drawn.renderOrder = depthTest ? 4 : 3;
-    group.add(drawn);
+    for (const dash of dashes) {
+      const drawn = new Line2(geometry, lineMaterial(style, dash, depthTest, opacity));
+      if (dash) drawn.computeLineDistances();
+      drawn.renderOrder = depthTest ? 4 : 3;
+      group.add(drawn);
+    }
   };
   make(true, style.opacity ?? 1);
   if ((style.behind ?? 0) > 0) make(false, style.behind ?? 0);

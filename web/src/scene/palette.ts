@@ -1,6 +1,8 @@
 // Classes of the overlays: names, colours and hatching, for the ground's shader and the legend alike.
 // Colours are FootFall's hues in a palette that is none of the status colours.
 
+import type { RegionKey } from "../lib/regions";
+
 /** Hatching that the shader and the legend both know. */
 export const HATCH = { none: 0, rising: 1, falling: 2, cross: 3, level: 4, dots: 5 } as const;
 export type Hatch = keyof typeof HATCH;
@@ -33,6 +35,37 @@ export const REACHABILITY: ClassStyle[] = [
   { value: 0, name: "unknown", ...UNKNOWN_STYLE },
 ];
 
+/** A line's pattern: [length of a dash, length of a gap, start of the pattern] (m), laid over each other. */
+export type Dash = [dash: number, gap: number, offset: number];
+
+export interface RegionStyle {
+  key: RegionKey;
+  color: string;
+  width: number;
+  /** None is a line without gaps. */
+  dashes: Dash[];
+  /** The same pattern for a swatch (px). */
+  stroke: string;
+}
+
+/** Regions of the center of mass, told apart by pattern as well as by color; later ones lie on top. */
+export const REGIONS: RegionStyle[] = [
+  { key: "regular", color: "#dce6f0", width: 1.6, dashes: [], stroke: "" },
+  { key: "conservative", color: "#b9a6e8", width: 1.8, dashes: [[0.16, 0.1, 0]], stroke: "5 3" },
+  { key: "friction", color: "#6fcfc0", width: 2.4, dashes: [[0.42, 0.2, 0]], stroke: "12 4" },
+  { key: "frictionLoss", color: "#6fcfc0", width: 2.6, dashes: [[0.05, 0.11, 0]], stroke: "2 3" },
+  {
+    key: "torque",
+    color: "#eba3bd",
+    width: 2.2,
+    dashes: [
+      [0.3, 0.3, 0],
+      [0.06, 0.54, -0.42],
+    ],
+    stroke: "9 3 2 3",
+  },
+];
+
 /** What the reason codes of a reachability grid mean. */
 export const REASONS: Record<number, Reason> = {
   1: { text: "out of reach", unit: "m" },
@@ -47,10 +80,11 @@ export const REASONS: Record<number, Reason> = {
   10: { text: "a joint overloaded", unit: "share" },
   11: { text: "the ground under the wheel is too uneven", unit: "m" },
   12: { text: "the leg cannot be lifted where it stands", unit: "m" },
+  13: { text: "ground unsafe for a wheel", unit: "goodness" },
 };
 
 export interface Reason {
   text: string;
   /** Unit of the amount that is missing. */
-  unit: "m" | "rad" | "share";
+  unit: "m" | "rad" | "share" | "goodness";
 }

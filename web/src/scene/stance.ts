@@ -14,17 +14,26 @@ import {
 } from "three";
 
 import type { PolygonAnswer, RoverTelemetry, StabilityDerived, Vec2, Vec3 } from "../api/types";
+import { beside, type RegionKey, regionOf } from "../lib/regions";
 import type { HeightRaster } from "./heightRaster";
 import { clearGroup, line } from "./lines";
+import { REGIONS, type RegionStyle } from "./palette";
 
-const ABOVE_M = 0.04;
-const REGULAR = "#dce6f0";
-const CONSERVATIVE = "#b9a6e8";
+export const ABOVE_M = 0.04;
+const REGULAR = REGIONS[0]!.color;
 const COM = "#f2f6fa";
 const FORCE = "#e2c9a0";
 
+/** A region as it was drawn, for tests. */
+export interface DrawnRegion {
+  key: RegionKey;
+  kind: "area" | "point";
+  corners: number;
+}
+
 export class StanceView {
   readonly group = new Group();
+  drawn: DrawnRegion[] = [];
   private readonly polygons = new Group();
   private readonly forces = new Group();
 
@@ -32,35 +41,60 @@ export class StanceView {
     this.group.add(this.polygons, this.forces);
   }
 
-  /** `edgeColor` is the colour of the critical edge: that of the margin's status. */
+  /** `edgeColor` is the color of the regular polygon's critical edge: that of the margin's status. */
   setPolygons(
     stability: StabilityDerived | null,
+    keys: RegionKey[],
     raster: HeightRaster | null,
     edgeColor: string,
   ): void {
     clearGroup(this.polygons);
+    this.drawn = [];
     if (!stability) return;
-    const drape = (from: Vec2, to: Vec2) => draped(from, to, raster);
-    const outline = (answer: PolygonAnswer): Vec3[] =>
-      answer.polygon_m.flatMap((p, i) =>
-        drape(p, answer.polygon_m[(i + 1) % answer.polygon_m.length]!),
-      );
-    const { regular, conservative, com_m } = stability;
-    if (regular && regular.polygon_m.length >= 3) {
-      this.polygons.add(line(outline(regular), { color: REGULAR, width: 1.6, behind: 0.35 }));
-      this.polygons.add(fill(regular.polygon_m, raster));
-      const edge = regular.critical_edge_m;
-      if (edge) {
-        this.polygons.add(line(drape(...edge), { color: edgeColor, width: 4, behind: 0.5 }));
-      }
+    const others: Vec2[][] = [];
+    for (const style of REGIONS.filter(({ key }) => keys.includes(key))) {
+      const { polygon } = regionOf(stability, style.key);
+      const outline = polygon?.polygon_m ?? [];
+      if (!polygon || outline.length === 0) continue;
+      const place = (p: Vec2) => beside(p, outline, others);
+      this.addRegion(polygon, style, place, raster, edgeColor);
+      if (outline.length >= 3) others.push(outline);
     }
-    if (conservative && conservative.polygon_m.length >= 3) {
-      const style = { color: CONSERVATIVE, width: 1.8, dashed: true, behind: 0.4 };
-      this.polygons.add(line(outline(conservative), style));
-    }
+    const { com_m } = stability;
     const foot: Vec3 = [com_m[0], com_m[1], groundAt(raster, com_m[0], com_m[1]) + ABOVE_M];
     this.polygons.add(line([com_m, foot], { color: COM, width: 1, opacity: 0.6, behind: 0.3 }));
     this.polygons.add(ball(com_m, 0.07, false), ball(foot, 0.06, true));
+  }
+
+  private addRegion(
+    { polygon_m, critical_edge_m }: PolygonAnswer,
+    style: RegionStyle,
+    place: (p: Vec2) => Vec2,
+    raster: HeightRaster | null,
+    edgeColor: string,
+  ): void {
+    const { key, color, width, dashes } = style;
+    const look = { color, width, dashes, behind: 0.4 };
+    const area = polygon_m.length >= 3;
+    this.drawn.push({ key, kind: area ? "area" : "point", corners: polygon_m.length });
+    if (!area) {
+      const [x, y] = polygon_m[0]!;
+      this.polygons.add(line(diamond(x, y, raster), { ...look, dashes: [] }));
+      return;
+    }
+    const corners = polygon_m.map(place);
+    const outline = corners.flatMap((p, i) =>
+      draped(p, corners[(i + 1) % corners.length]!, raster),
+    );
+    this.polygons.add(line(outline, look));
+    if (key === "regular") this.polygons.add(fill(polygon_m, raster));
+    if (!critical_edge_m) return;
+    const [from, to] = critical_edge_m;
+    const edge = draped(place(from), place(to), raster);
+    // One edge carries the status; those of the other regions stand out in their own color.
+    if (key === "regular") {
+      this.polygons.add(line(edge, { color: edgeColor, width: 4, behind: 0.5 }));
+    } else this.polygons.add(line(edge, { ...look, width: width + 1.8 }));
   }
 
   setForces(telemetry: RoverTelemetry | null, unit_n: number): void {
@@ -79,7 +113,20 @@ export class StanceView {
   }
 }
 
-function groundAt(raster: HeightRaster | null, x: number, y: number): number {
+/** Marks a region that is a single place. */
+function diamond(x: number, y: number, raster: HeightRaster | null): Vec3[] {
+  const r = 0.14;
+  const corners: Vec2[] = [
+    [x + r, y],
+    [x, y + r],
+    [x - r, y],
+    [x, y - r],
+    [x + r, y],
+  ];
+  return corners.map(([cx, cy]) => [cx, cy, groundAt(raster, cx, cy) + ABOVE_M]);
+}
+
+export function groundAt(raster: HeightRaster | null, x: number, y: number): number {
   const z = raster?.heightAt(x, y);
   return z === undefined || Number.isNaN(z) ? 0 : z;
 }

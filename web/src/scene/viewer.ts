@@ -17,6 +17,7 @@ import {
 import type { RoverModel, RoverState, Vec3 } from "../api/types";
 import type { CameraView } from "../store/view";
 import { CameraRig } from "./cameraRig";
+import { EnergyView } from "./energyView";
 import { Ground, type OverlayRaster } from "./ground";
 import { pickGround, type Ray } from "./gridPick";
 import type { HeightRaster } from "./heightRaster";
@@ -36,6 +37,7 @@ const JUMP_M = 0.5;
 
 export class Viewer {
   readonly stance = new StanceView();
+  readonly energy = new EnergyView();
   readonly marks = new Marks();
   robot: RobotView | null = null;
   raster: HeightRaster | null = null;
@@ -76,7 +78,7 @@ export class Viewer {
     this.scene.fog = new Fog(SKY, 40, 90);
     this.light(high);
     canvas.addEventListener("webglcontextrestored", this.onRestored);
-    this.scene.add(this.ground.group, this.stance.group, this.marks.group);
+    this.scene.add(this.ground.group, this.energy.group, this.stance.group, this.marks.group);
   }
 
   /** Renders soon: at once for the operator's hand, at most 15 times a second for data. */
@@ -235,6 +237,7 @@ export class Viewer {
     clearTimeout(this.timer);
     this.rig.dispose();
     this.ground.dispose();
+    this.energy.dispose();
     this.stance.dispose();
     this.marks.dispose();
     this.robot?.dispose();

@@ -44,6 +44,10 @@ export function causesOf({ connection, model, channels, stale }: Situation): Cau
       const leg = stability.settlement_leg ? legLabel(stability.settlement_leg) : "a foot";
       add("caution", `A settlement of ${leg} would tip the rover`);
     }
+    const slip = stability.forces?.slip_margin;
+    if (stability.forces && (slip == null || slip < 0)) {
+      add("critical", "Friction as taken does not hold the stance");
+    }
     if (stability.torque_ratio > 1)
       add("critical", torque(stability.torque_joint, stability.torque_ratio));
     else if (stability.torque_ratio > 0.8) {

@@ -2,12 +2,12 @@
 
 import { create } from "zustand";
 
-import type { PlanRequest, Vec3 } from "../api/types";
+import type { PlanRequest, StabilityPreference, Vec3 } from "../api/types";
 
 export interface PlanOptions {
   planner: NonNullable<PlanRequest["planner"]>;
-  /** Which loss of support must be survived while the leg is up. */
-  stability: "regular" | "conservative";
+  /** What must hold while the leg is up; asked of plans and of reachability alike. */
+  stability: StabilityPreference;
   /** Height of the waypoints above start and goal (m); null is the server's own. */
   lift_m: number | null;
   /** The ground is raised by this much for the transit (m). */

@@ -4,13 +4,16 @@ import { create } from "zustand";
 
 import { api, sentenceOf } from "../api/client";
 import { nodeAt, type ReachGrid, readReachGrid } from "../api/tiles";
-import type { RoverState } from "../api/types";
+import type { RoverState, StabilityPreference } from "../api/types";
+import type { ReachCell } from "../lib/whyNot";
 import { type ConsoleState, useConsole } from "./console";
+
+export type { ReachCell };
 
 export interface ReachState {
   leg: string | null;
   grid: ReachGrid | null;
-  /** Stance and map that the grid belongs to. */
+  /** Stance, map and preference that the grid belongs to. */
   basis: string | null;
   state: "none" | "loading" | "ready" | "failed";
   failure: string | null;
@@ -36,7 +39,16 @@ export function liveBasis(state: ConsoleState = useConsole.getState()): string |
   return rover && state.terrainVersion ? stanceKey(rover.state, state.terrainVersion) : null;
 }
 
-export async function askReach(leg: string, basis: string): Promise<void> {
+/** What an answer belongs to: the stance, the map, and what must hold while the leg is up. */
+export function reachBasis(basis: string | null, stability: StabilityPreference): string | null {
+  return basis === null ? null : `${stability}|${basis}`;
+}
+
+export async function askReach(
+  leg: string,
+  stability: StabilityPreference,
+  basis: string,
+): Promise<void> {
   asked?.abort();
   const mine = new AbortController();
   asked = mine;
@@ -49,7 +61,7 @@ export async function askReach(leg: string, basis: string): Promise<void> {
     failure: null,
   });
   try {
-    const grid = readReachGrid(await api.reachability(leg, mine.signal));
+    const grid = readReachGrid(await api.reachability(leg, stability, mine.signal));
     if (!mine.signal.aborted) useReach.setState({ grid, basis, state: "ready" });
   } catch (error) {
     if (mine.signal.aborted) return;
@@ -61,14 +73,6 @@ export function dropReach(): void {
   asked?.abort();
   asked = null;
   if (useReach.getState() !== NOTHING) useReach.setState(NOTHING);
-}
-
-export interface ReachCell {
-  class: number;
-  reason: number;
-  /** In the unit of the reason. */
-  missing: number;
-  margin_m: number;
 }
 
 export function reachAt(grid: ReachGrid, x: number, y: number): ReachCell | null {

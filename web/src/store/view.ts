@@ -3,15 +3,18 @@
 import { create } from "zustand";
 
 import { setOperator } from "../api/client";
+import { REGION_KEYS, type RegionKey } from "../lib/regions";
 
-export type Overlay = "none" | "traversability" | "reachability";
+export type Overlay = "none" | "traversability" | "reachability" | "energy";
 export type CameraView = "iso" | "top" | "leg";
-export type RightTab = "step" | "hand" | "telemetry" | "log";
+export type RightTab = "step" | "hand" | "stability" | "telemetry" | "log";
 
 export interface ViewState {
   overlay: Overlay;
   forces: boolean;
   polygons: boolean;
+  /** Which of them are drawn. */
+  regions: RegionKey[];
   torqueColors: boolean;
   theme: "dark" | "light";
   operator: string;
@@ -29,13 +32,24 @@ export interface ViewState {
   follow: boolean;
 }
 
-const KEPT = ["forces", "polygons", "torqueColors", "theme", "operator", "follow"] as const;
+const KEPT = [
+  "forces",
+  "polygons",
+  "regions",
+  "torqueColors",
+  "theme",
+  "operator",
+  "follow",
+] as const;
 const STORAGE_KEY = "footfall.view";
 
 function kept(): Partial<ViewState> {
   try {
     const stored = JSON.parse(localStorage.getItem(STORAGE_KEY) ?? "{}") as Partial<ViewState>;
-    return Object.fromEntries(KEPT.filter((k) => k in stored).map((k) => [k, stored[k]]));
+    const told = Object.fromEntries(KEPT.filter((k) => k in stored).map((k) => [k, stored[k]]));
+    // An older console may have kept something else under this name.
+    if (!Array.isArray(told.regions)) delete told.regions;
+    return told;
   } catch {
     return {};
   }
@@ -45,6 +59,7 @@ export const useView = create<ViewState>(() => ({
   overlay: "none",
   forces: false,
   polygons: true,
+  regions: ["regular", "conservative"],
   torqueColors: false,
   theme: "dark",
   operator: "operator",
@@ -76,6 +91,14 @@ useView.subscribe((state, before) => {
     // A browser that keeps nothing still shows everything.
   }
 });
+
+/** Draws a kind of region or not, in the order of the kinds. */
+export function setRegion(key: RegionKey, on: boolean): void {
+  const { regions } = useView.getState();
+  useView.setState({
+    regions: REGION_KEYS.filter((k) => (k === key ? on : regions.includes(k))),
+  });
+}
 
 export function aim(camera: CameraView): void {
   useView.setState((s) => ({ camera, aimed: s.aimed + 1 }));

@@ -4,11 +4,16 @@ import { useEffect, useState } from "react";
 
 import { api, sentenceOf } from "../../api/client";
 import type { CellAnswer, Vec3 } from "../../api/types";
-import { degrees, metres, percent, signless } from "../../lib/format";
-import { REACHABILITY, type Reason, REASONS, TRAVERSABILITY } from "../../scene/palette";
+import { capital, degrees, legLabel, metres, signless } from "../../lib/format";
+import { whyNot } from "../../lib/whyNot";
+import { REACHABILITY, TRAVERSABILITY } from "../../scene/palette";
+import { useConsole } from "../../store/console";
 import { reachAt, type ReachCell, useReach } from "../../store/reach";
 import { useSelection } from "../../store/selection";
 import { classAt, useTerrain } from "../../store/terrain";
+import { useView } from "../../store/view";
+import { Swatch } from "../../ui/Swatch";
+import { useReachIsOld } from "../overlays/useReachability";
 import "./cell.css";
 
 const ASK_AFTER_MS = 180;
@@ -47,7 +52,6 @@ export function CellReadout() {
   const point = hover ?? pick;
   const { cell, failure } = useCell(point);
   const raster = useTerrain((s) => s.raster);
-  const grid = useReach((s) => s.grid);
   if (!point) {
     return (
       <section className="cell panel" aria-label="Place">
@@ -58,7 +62,6 @@ export function CellReadout() {
   }
   const known = raster?.knownAt(point[0], point[1]) ?? false;
   const kind = cell?.class ?? classAt(point[0], point[1]);
-  const reach = grid && reachAt(grid, point[0], point[1]);
   return (
     <section className="cell panel" aria-label="Place">
       <div className="row between">
@@ -78,9 +81,9 @@ export function CellReadout() {
         />
         <Fact name="certain" value={cell?.certainty == null ? "–" : cell.certainty.toFixed(2)} />
       </dl>
-      {reach && <WhyNot reach={reach} />}
+      <WhyNot point={point} />
       {failure && <p className="quiet small">{failure}</p>}
-      <PickLine pick={pick} />
+      <PickLine pick={pick} shown={pick !== null} />
     </section>
   );
 }
@@ -94,37 +97,59 @@ function Fact({ name, value }: { name: string; value: string }) {
   );
 }
 
-function shortBy(missing: number, unit: Reason["unit"]): string {
-  if (unit === "rad") return degrees(missing);
-  return unit === "share" ? percent(missing) : metres(missing);
-}
-
-/** In words: can the leg stand here, and if not, which check fails and by how much. */
-export function whyNot(reach: ReachCell): string {
-  const verdict = REACHABILITY.find((s) => s.value === reach.class)?.name ?? "unknown";
-  if (reach.class === 4) {
-    const margin = Number.isFinite(reach.margin_m) ? `, margin ${metres(reach.margin_m)}` : "";
-    return `Reachable${margin}`;
-  }
-  const reason = REASONS[reach.reason];
-  const short = Number.isFinite(reach.missing) && reach.missing > 0;
-  const amount = short ? `, ${shortBy(reach.missing, reason?.unit ?? "m")} short` : "";
-  return `${verdict.charAt(0).toUpperCase()}${verdict.slice(1)}${reason ? `: ${reason.text}${amount}` : amount}`;
-}
-
-function WhyNot({ reach }: { reach: ReachCell }) {
-  const style = REACHABILITY.find((s) => s.value === reach.class);
+/** What the chosen leg makes of the place; asks for the answer to be made where there is none yet. */
+function WhyNot({ point }: { point: Vec3 }) {
+  const leg = useSelection((s) => s.leg);
+  const { grid, leg: of, state } = useReach();
+  const overlay = useView((s) => s.overlay);
+  const live = useConsole((s) => s.stream.replayState === null);
+  const old = useReachIsOld();
+  if (leg === null) return null;
+  const reach = of === leg && grid ? reachAt(grid, point[0], point[1]) : null;
+  if (reach) return <Verdict reach={reach} leg={leg} old={old} />;
+  const who = capital(legLabel(leg));
+  if (grid && of === leg) return <p className="quiet small">{who}: farther than was looked at.</p>;
+  if (overlay === "reachability" || !live)
+    return state === "loading" ? <p className="quiet small">{who}: computing…</p> : null;
   return (
-    <p className="why-not" data-testid="why-not">
-      <i style={{ background: style?.color }} aria-hidden />
-      {whyNot(reach)}
-    </p>
+    <button
+      type="button"
+      className="button bare why-ask"
+      data-testid="why-ask"
+      onClick={() => useView.setState({ overlay: "reachability" })}
+    >
+      Can {legLabel(leg)} stand here? <kbd>r</kbd>
+    </button>
   );
 }
 
-function PickLine({ pick }: { pick: Vec3 | null }) {
+function Verdict({ reach, leg, old }: { reach: ReachCell; leg: string; old: boolean }) {
+  const style = REACHABILITY.find((s) => s.value === reach.class);
+  const { verdict, reason, missing, margin } = whyNot(reach);
   return (
-    <p className="small quiet" data-testid="pick" aria-live="polite">
+    <div className="why-not" data-testid="why-not">
+      <p className="row">
+        {style && <Swatch style={style} />}
+        <strong>
+          {capital(legLabel(leg))}: {verdict}
+        </strong>
+      </p>
+      {reason && <p>{capital(reason)}</p>}
+      {(missing ?? margin) !== null && (
+        <dl className="cell-facts">
+          {missing !== null && <Fact name="missing" value={missing} />}
+          {margin !== null && <Fact name="margin" value={margin} />}
+        </dl>
+      )}
+      {old && <p className="quiet small">For the stance before; computed anew</p>}
+      {/* The nearest mend of the refusal stands here once the server tells one. */}
+    </div>
+  );
+}
+
+function PickLine({ pick, shown = true }: { pick: Vec3 | null; shown?: boolean }) {
+  return (
+    <p className={shown ? "small quiet" : "sr"} data-testid="pick" aria-live="polite">
       {pick ? (
         <>
           Pick{" "}

@@ -9,6 +9,7 @@ export const KEYS: [string[], string][] = [
   [["h"], "Plan follows the pointer, or not"],
   [["p"], "Play or hold the preview"],
   [["o"], "Next overlay"],
+  [["r"], "Reachability, or not"],
   [["v"], "Next view: side, top, leg"],
   [["f"], "Fit the rover"],
   [["g"], "Wheel forces"],

@@ -85,9 +85,11 @@ const ACTIONS: Record<string, () => void> = {
   h: () => useView.setState((s) => ({ follow: !s.follow })),
   p: togglePlaying,
   o: () => {
-    const order: Overlay[] = ["none", "traversability", "reachability"];
-    useView.setState((s) => ({ overlay: order[(order.indexOf(s.overlay) + 1) % 3]! }));
+    const order: Overlay[] = ["none", "traversability", "reachability", "energy"];
+    useView.setState((s) => ({ overlay: order[(order.indexOf(s.overlay) + 1) % order.length]! }));
   },
+  r: () =>
+    useView.setState((s) => ({ overlay: s.overlay === "reachability" ? "none" : "reachability" })),
   v: nextView,
   f: () => aim("iso"),
   g: () => useView.setState((s) => ({ forces: !s.forces })),

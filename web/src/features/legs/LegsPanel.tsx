@@ -1,8 +1,11 @@
 // The legs: choose one, see which stand, and how stable the stance is.
 
 import { capital, legLabel, metres, readable } from "../../lib/format";
+import { shortly } from "../../lib/margins";
+import { feetLabel, feetOf, regionOf } from "../../lib/regions";
 import { useChannels, useConsole } from "../../store/console";
 import { chooseLeg, useSelection } from "../../store/selection";
+import { useView } from "../../store/view";
 import { MarginDial } from "../telemetry/MarginDial";
 import "./legs.css";
 
@@ -44,35 +47,39 @@ export function StancePanel() {
       </section>
     );
   }
-  const { regular, conservative, conservative_kind, settlement_margin_m, settlement_leg } =
-    stability;
-  const kept =
-    conservative_kind === "area"
-      ? metres(conservative?.margin_m)
-      : conservative_kind === "point"
-        ? "a point"
-        : "none";
+  const { regular, settlement_margin_m, settlement_leg } = stability;
+  const critical = readable(regular?.critical ?? "");
   return (
     <section className="section stance of-rover" aria-label="Stability">
-      <h2>Stability margin</h2>
-      <MarginDial margin_m={regular?.margin_m ?? null} needed_m={model.margin_m} />
+      <div className="row between">
+        <h2>Stability margin</h2>
+        <button
+          type="button"
+          className="button bare all-margins"
+          title="Every margin, and how they went"
+          data-testid="all-margins"
+          onClick={() => useView.setState({ tab: "stability", rightOpen: true })}
+        >
+          All
+        </button>
+      </div>
+      <MarginDial margin_m={regular?.margin_m ?? null} needed_m={model.margin_m}>
+        {regular?.critical && (
+          <span data-testid="critical-edge" title={`Decided by ${critical}`}>
+            at {feetLabel(feetOf(regular.critical))}
+          </span>
+        )}
+      </MarginDial>
       <dl className="facts">
         <dt title="Margin should any one leg slip">conservative</dt>
-        <dd className="num">{kept}</dd>
+        <dd className="num">{shortly(regionOf(stability, "conservative"))}</dd>
+        <dt title="Margin within what friction of the contacts holds">friction</dt>
+        <dd className="num">{shortly(regionOf(stability, "friction"))}</dd>
         <dt title={settlement_leg ? `Worst: ${legLabel(settlement_leg)}` : undefined}>
           after settling
         </dt>
         <dd className="num">{metres(settlement_margin_m)}</dd>
       </dl>
-      {regular?.critical && (
-        <p
-          className="quiet small critical-edge"
-          data-testid="critical-edge"
-          title={readable(regular.critical)}
-        >
-          decided by {readable(regular.critical)}
-        </p>
-      )}
     </section>
   );
 }

@@ -3,11 +3,15 @@
 import { useEffect } from "react";
 
 import { useConsole } from "../../store/console";
-import { askReach, dropReach, liveBasis, useReach } from "../../store/reach";
+import { usePlanOptions } from "../../store/planOptions";
+import { askReach, dropReach, liveBasis, reachBasis, useReach } from "../../store/reach";
 import { useSelection } from "../../store/selection";
 import { useView } from "../../store/view";
 
-const useBasis = (): string | null => useConsole(liveBasis);
+function useBasis(): string | null {
+  const stability = usePlanOptions((s) => s.stability);
+  return reachBasis(useConsole(liveBasis), stability);
+}
 
 export function useReachIsOld(): boolean {
   const basis = useBasis();
@@ -24,14 +28,15 @@ export function useReachability(): void {
   const live = useConsole((s) => s.stream.replayState === null && s.connection === "open");
   const idle = useConsole((s) => s.stream.live.rover?.message.mode !== "executing");
   const basis = useBasis();
+  const stability = usePlanOptions((s) => s.stability);
   useEffect(() => {
     if (!wanted || leg === null) dropReach();
     else if (live && idle && basis !== null) {
       const known = useReach.getState();
       if (known.leg === leg && known.basis === basis) return;
       const wait = known.leg === leg && known.grid ? STILL_MS : 0;
-      const timer = setTimeout(() => void askReach(leg, basis), wait);
+      const timer = setTimeout(() => void askReach(leg, stability, basis), wait);
       return () => clearTimeout(timer);
     }
-  }, [wanted, leg, live, idle, basis]);
+  }, [wanted, leg, live, idle, basis, stability]);
 }

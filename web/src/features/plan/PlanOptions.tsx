@@ -12,6 +12,7 @@ import {
   resetOptions,
   usePlanOptions,
 } from "../../store/planOptions";
+import { Segments } from "../../ui/Segments";
 
 const PLANNERS: [Options["planner"], string, string][] = [
   [
@@ -29,9 +30,15 @@ const PLANNERS: [Options["planner"], string, string][] = [
   ["line", "Straight line", "The wheel along a line: for comparison, fails easily."],
 ];
 
+const PREFERENCES: [Options["stability"], string, string][] = [
+  ["regular", "Regular", "Margin and settlement hold on the feet that stand."],
+  ["conservative", "Conservative", "The slip of any one standing leg is survived too."],
+  ["friction", "Friction", "The margin holds within what friction of the contacts carries too."],
+];
+
 const NAMES: Record<keyof Options, string> = {
   planner: "planner",
-  stability: "conservative",
+  stability: "stability",
   lift_m: "lift",
   terrain_lift_m: "terrain",
   obstacle_m: "obstacles",
@@ -44,7 +51,8 @@ const NAMES: Record<keyof Options, string> = {
 export function PlanOptions() {
   const [open, setOpen] = useState(false);
   const options = usePlanOptions();
-  const chosen = chosenOptions(options).map((key) => NAMES[key]);
+  const name = (key: keyof Options) => (key === "stability" ? options.stability : NAMES[key]);
+  const chosen = chosenOptions(options).map(name);
   const Arrow = open ? ChevronDown : ChevronRight;
   return (
     <>
@@ -96,12 +104,21 @@ function Fields({ options, anyChosen }: { options: Options; anyChosen: boolean }
         Terrain raised and clearance added about obstacles; neither holds under standing wheels,
         start and goal.
       </p>
-      <Check
-        label="Survive the slip of any one leg"
-        testId="option-conservative"
-        on={options.stability === "conservative"}
-        set={(on) => set({ stability: on ? "conservative" : "regular" })}
-      />
+      <div className="field">
+        <span id="preference">Stability while the leg is up</span>
+        <Segments
+          name="preference"
+          labelledBy="preference"
+          choices={PREFERENCES}
+          value={options.stability}
+          set={(stability) => set({ stability })}
+          testId="preference"
+        />
+        <p className="quiet small">
+          {PREFERENCES.find(([value]) => value === options.stability)?.[2]} Holds for reachability
+          too.
+        </p>
+      </div>
       <Check
         label="Shift the body where needed"
         testId="option-shift"

@@ -1,6 +1,7 @@
 // Lets browser tests find places on the canvas; reads only.
 
 import type { Vec3 } from "../../api/types";
+import type { DrawnRegion } from "../../scene/stance";
 import type { Viewer } from "../../scene/viewer";
 
 export interface FootfallHook {
@@ -12,6 +13,10 @@ export interface FootfallHook {
   ghost(): Vec3 | null;
   /** Height of the ground (m), NaN outside the map. */
   height(x: number, y: number): number;
+  /** Kinds of support regions that are drawn. */
+  regions(): DrawnRegion[];
+  /** Triangles of the energy surface that is drawn. */
+  energyTriangles(): number;
   readonly framesRendered: number;
   readonly quality: string;
 }
@@ -28,6 +33,8 @@ export function installHook(viewer: Viewer): () => void {
     wheel: (leg) => viewer.robot?.wheel(leg) ?? null,
     ghost: () => viewer.robot?.ghostWheel() ?? null,
     height: (x, y) => viewer.raster?.heightAt(x, y) ?? NaN,
+    regions: () => viewer.stance.drawn,
+    energyTriangles: () => viewer.energy.triangles,
     get framesRendered() {
       return viewer.framesRendered;
     },

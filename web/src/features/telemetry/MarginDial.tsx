@@ -15,7 +15,14 @@ function arc(from: number, to: number): string {
   return `M${at(from)}A${R} ${R} 0 0 1 ${at(to)}`;
 }
 
-export function MarginDial({ margin_m, needed_m }: { margin_m: number | null; needed_m: number }) {
+interface Props {
+  margin_m: number | null;
+  needed_m: number;
+  /** What decides, in a few words. */
+  children?: React.ReactNode;
+}
+
+export function MarginDial({ margin_m, needed_m, children }: Props) {
   const share = Math.min(1, Math.max(0, (margin_m ?? 0) / FULL_M));
   const need = Math.min(1, needed_m / FULL_M);
   const status =
@@ -53,6 +60,7 @@ export function MarginDial({ margin_m, needed_m }: { margin_m: number | null; ne
         <div className="quiet small" title="Least margin that the margin rule asks for">
           needs {metres(needed_m)}
         </div>
+        {children && <div className="quiet small">{children}</div>}
       </div>
     </div>
   );
