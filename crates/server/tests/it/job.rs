@@ -209,7 +209,7 @@ async fn what_ended_elsewhere_is_not_undone() {
 #[tokio::test]
 async fn a_step_that_cannot_be_names_what_is_missing() {
     let ground = on_uneven_ground().await;
-    let wish = json!({ "stability": "conservative" });
+    let wish = json!({ "stability": "conservative", "shift": "never" });
     let unstable = ground.plan_with("leg4", [0.1, 0.0], wish).await;
     assert_eq!(unstable["outcome"], "unstable", "{unstable}");
     let constraint = &unstable["constraint"];
