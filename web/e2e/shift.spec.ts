@@ -84,6 +84,7 @@ test("a step that cannot be says what is missing and where it could be", async (
   await ops.at("plan-drop").click();
   await ops.at("plan-options").click();
   await ops.at("preference-conservative").check();
+  await ops.at("option-shift").uncheck();
   await ops.at("plan-options").click();
   await ops.pickBeside("leg4", -0.1, 0);
   await page.keyboard.press("Enter");

@@ -2,6 +2,7 @@
 
 import type {
   CellAnswer,
+  CellExplanation,
   CommandList,
   CommandRecord,
   ErrorInfo,
@@ -23,6 +24,7 @@ import type {
   StageRequest,
   TerrainFiles,
   TerrainVersions,
+  Vec3,
 } from "./types";
 
 const BASE = "/api/v1";
@@ -123,6 +125,14 @@ export const api = {
       // Cells and lift are the server's defaults: they go with the robot's scale, as those of plans.
       body: JSON.stringify({ legs: [leg], stability }),
     }),
+
+  explainCell: (leg: string, [x, y]: Vec3, stability: StabilityPreference, signal: AbortSignal) =>
+    json<CellExplanation>(
+      "POST",
+      "analysis/reachability/cell",
+      { leg, position_m: [x, y], stability },
+      signal,
+    ),
 
   planAtOnce: (request: PlanRequest, signal: AbortSignal) =>
     json<PlanAnalysis>("POST", "analysis/plan", request, signal),

@@ -61,6 +61,7 @@ export type LegModel = Wire<"LegModel">;
 export type RoverAnswer = Wire<"RoverAnswer">;
 export type PolygonAnswer = Wire<"PolygonAnswer">;
 export type StabilityDerived = Wire<"StabilityDerived">;
+export type CellExplanation = Wire<"CellExplanation">;
 export type StabilityRequest = Wire<"StabilityRequest">;
 export type StabilityAnswer = Wire<"StabilityAnswer">;
 export type EnergySurface = Wire<"EnergySurface">;

@@ -8,6 +8,7 @@ import { capital, degrees, legLabel, metres, signless } from "../../lib/format";
 import { whyNot } from "../../lib/whyNot";
 import { REACHABILITY, TRAVERSABILITY } from "../../scene/palette";
 import { useConsole } from "../../store/console";
+import { usePlanOptions } from "../../store/planOptions";
 import { reachAt, type ReachCell, useReach } from "../../store/reach";
 import { useSelection } from "../../store/selection";
 import { classAt, useTerrain } from "../../store/terrain";
@@ -106,7 +107,7 @@ function WhyNot({ point }: { point: Vec3 }) {
   const old = useReachIsOld();
   if (leg === null) return null;
   const reach = of === leg && grid ? reachAt(grid, point[0], point[1]) : null;
-  if (reach) return <Verdict reach={reach} leg={leg} old={old} />;
+  if (reach) return <Verdict reach={reach} leg={leg} old={old} point={point} />;
   const who = capital(legLabel(leg));
   if (grid && of === leg) return <p className="quiet small">{who}: farther than was looked at.</p>;
   if (overlay === "reachability" || !live)
@@ -123,7 +124,17 @@ function WhyNot({ point }: { point: Vec3 }) {
   );
 }
 
-function Verdict({ reach, leg, old }: { reach: ReachCell; leg: string; old: boolean }) {
+/** The class of places where the leg can stand. */
+const REACHABLE = 4;
+
+interface VerdictProps {
+  reach: ReachCell;
+  leg: string;
+  old: boolean;
+  point: Vec3;
+}
+
+function Verdict({ reach, leg, old, point }: VerdictProps) {
   const style = REACHABILITY.find((s) => s.value === reach.class);
   const { verdict, reason, missing, margin } = whyNot(reach);
   return (
@@ -142,8 +153,38 @@ function Verdict({ reach, leg, old }: { reach: ReachCell; leg: string; old: bool
         </dl>
       )}
       {old && <p className="quiet small">For the stance before; computed anew</p>}
-      {/* The nearest mend of the refusal stands here once the server tells one. */}
+      {reach.class !== REACHABLE && !old && <WhatHelps leg={leg} point={point} />}
     </div>
+  );
+}
+
+/** Time the pointer must rest before the server is asked to try what would help (ms). */
+const TRY_AFTER_MS = 350;
+
+/** What stands in the way by name, and the nearest change that was tried and helps. */
+function WhatHelps({ leg, point }: { leg: string; point: Vec3 }) {
+  const stability = usePlanOptions((s) => s.stability);
+  const [answer, setAnswer] = useState<{ of: Vec3; leg: string; text: string }>();
+  useEffect(() => {
+    const abort = new AbortController();
+    const timer = setTimeout(() => {
+      api.explainCell(leg, point, stability, abort.signal).then(
+        (told) => setAnswer({ of: point, leg, text: told.text }),
+        (error: unknown) => {
+          if (!abort.signal.aborted) setAnswer({ of: point, leg, text: sentenceOf(error) });
+        },
+      );
+    }, TRY_AFTER_MS);
+    return () => {
+      clearTimeout(timer);
+      abort.abort();
+    };
+  }, [leg, point, stability]);
+  const known = answer && answer.of === point && answer.leg === leg;
+  return (
+    <p className="small" data-testid="what-helps" aria-live="polite">
+      {known ? answer.text : <span className="quiet">Looking for what would help…</span>}
+    </p>
   );
 }
 
