@@ -134,7 +134,14 @@ impl<'a> BodyCertifier<'a> {
                 required
             };
             let keeps = add(Against::Ground, Touch::Ground(part.link));
-            let ground = near_ground(self.scene, part, &placed, keeps, keeps, Kernel::Quick);
+            let ground = near_ground(
+                self.scene,
+                part,
+                &placed,
+                keeps,
+                keeps,
+                Kernel::Quick { enough: keeps },
+            );
             moved.over_unknown = matches!(ground, GroundNear::Unknown(_));
             for k in 0..self.scene.solids.len() {
                 add(Against::Solid(k), Touch::Obstacle(part.link, k));

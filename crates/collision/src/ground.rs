@@ -10,7 +10,7 @@ use crate::solid::{Near, Part, near, pose_of, to_parry_point};
 use parry3d_f64::math::Pose;
 
 /// Difference of distances that does not matter (m): about what parry leaves open on curved shapes.
-const EQUALLY_NEAR: f64 = 5e-5;
+pub(crate) const EQUALLY_NEAR: f64 = 5e-5;
 
 /// What a shape is to the ground.
 pub(crate) enum GroundNear {
@@ -63,10 +63,11 @@ pub(crate) fn clear_of_ground(
 }
 
 /// Who says how far two shapes are apart.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Kernel {
-    /// Our own distances, as well as the question needs them and never too great: for searches.
-    Quick,
+    /// Our own distances, as well as the question needs them and never too great: for searches, which
+    /// are content with any ground nearer than `enough` (m).
+    Quick { enough: f64 },
     /// parry's exact ones: for verdicts, so that these do not rest on what the search rests on.
     Exact,
 }
@@ -85,7 +86,7 @@ pub(crate) fn near_ground(
     if beside_map(scene, min, max) || over_a_hole(scene, min, max) {
         return GroundNear::Unknown(placed.center());
     }
-    near_known_ground(scene, part, placed, required, reach, kernel)
+    near_known_ground(scene, part, placed, reach, kernel)
         .map_or(GroundNear::Clear, GroundNear::Near)
 }
 
@@ -94,7 +95,6 @@ pub(crate) fn near_known_ground(
     scene: &Scene,
     part: &Part,
     placed: &Placed,
-    required: f64,
     reach: f64,
     kernel: Kernel,
 ) -> Option<Near> {
@@ -111,19 +111,26 @@ pub(crate) fn near_known_ground(
     // a look.
     let lowest = placed.support_point(&part.form, &-Vector3::z());
     let mut reach = reach;
+    let mut below = None;
     if let Some(ground) = map.height_at(lowest.xy()) {
+        let place = Point3::new(lowest.x, lowest.y, ground);
         if ground >= lowest.z {
-            let place = Point3::new(lowest.x, lowest.y, ground);
             return Some(Near { distance: 0.0, place });
         }
-        reach = reach.min(lowest.z - ground + EQUALLY_NEAR);
+        let gap = lowest.z - ground;
+        if gap + EQUALLY_NEAR < reach {
+            reach = gap + EQUALLY_NEAR;
+            below = Some(Near { distance: gap, place });
+        }
     }
     let (min, max) = grown(&aabb, reach);
     let mut nearest: Option<Near> = None;
     // Another triangle has to beat the nearest one so far by what is not mere rounding.
     let bar = std::cell::Cell::new(reach);
-    // A search is content with the first thing that is too near.
-    let enough = if kernel == Kernel::Quick { required } else { 0.0 };
+    let enough = match kernel {
+        Kernel::Quick { enough } => enough,
+        Kernel::Exact => 0.0,
+    };
     map.pyramid().descend(
         min,
         max,
@@ -148,7 +155,7 @@ pub(crate) fn near_known_ground(
             true
         },
     );
-    nearest
+    nearest.or(below)
 }
 
 /// Distance (m) below which a triangle is nearer than one at `limit` (m): on level ground all are
@@ -180,7 +187,7 @@ fn distance_of_triangle(
             let (pose, triangle) = (pose_of(&placed.frame), Triangle::new(a, b, c));
             near(&pose, &*part.shape.0, &Pose::IDENTITY, &triangle, limit)
         }
-        Kernel::Quick => match separation(&(placed, &part.form), corners, limit) {
+        Kernel::Quick { .. } => match separation(&(placed, &part.form), corners, limit) {
             Separation::Apart => None,
             Separation::Near { least, .. } => {
                 let place = nearest_on_triangle(&placed.center(), corners).0;

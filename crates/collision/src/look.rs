@@ -9,7 +9,9 @@ use nalgebra::Vector3;
 
 use crate::form::{Placed, toward};
 use crate::gjk::{Separation, separation_along};
-use crate::ground::{GroundNear, Kernel, clear_of_ground, near_ground, near_known_ground};
+use crate::ground::{
+    EQUALLY_NEAR, GroundNear, Kernel, clear_of_ground, near_ground, near_known_ground,
+};
 use crate::scene::{Scene, Solid};
 use crate::solid::{Near, Part, near, pose_of, to_parry_point, to_pose};
 
@@ -52,15 +54,12 @@ impl Ask {
         self.required.max(TOUCHING)
     }
 
-    /// The share of the piece that is clear about its middle, where the distance is `distance` (m): what
-    /// moves by a share of its way gets no farther than by that share of the bound, for the bound of a
-    /// joint-linear motion grows no slower than the way.
+    /// The share of the piece that is clear about its middle, where the nearest thing is `distance` (m)
+    /// away: what moves by a share of its way gets no farther than by that share of the bound, for
+    /// the bound of a joint-linear motion grows no slower than the way.
     fn clear_share(&self, distance: f64) -> f64 {
-        if self.motion > 0.0 {
-            ((distance - self.least()) / self.motion).clamp(0.0, 1.0)
-        } else {
-            0.0
-        }
+        let spare = distance - EQUALLY_NEAR - self.least();
+        if self.motion > 0.0 { (spare / self.motion).clamp(0.0, 1.0) } else { 0.0 }
     }
 
     /// How far distances are worth asking for (m).
@@ -134,7 +133,9 @@ pub(crate) fn look_at_ground(scene: &Scene, part: &Part, placed: &Placed, ask: A
     }
     let (link, required) = (part.link, ask.required);
     let ground = |required: f64, reach: f64| {
-        near_ground(scene, part, placed, required, reach, Kernel::Quick)
+        // The nearest ground counts, not the first that leaves the piece open.
+        let kernel = Kernel::Quick { enough: ask.least() };
+        near_ground(scene, part, placed, required, reach, kernel)
     };
     if ask.fine {
         match ground(ask.need(), ask.need()) {
@@ -160,7 +161,8 @@ pub(crate) fn look_at_ground(scene: &Scene, part: &Part, placed: &Placed, ask: A
 /// As [`look_at_ground`], for the ground that is known: what is not counts as nothing.
 pub(crate) fn look_at_known_ground(scene: &Scene, part: &Part, placed: &Placed, ask: Ask) -> Look {
     let limit = ask.limit();
-    match near_known_ground(scene, part, placed, ask.required, limit, Kernel::Quick) {
+    let kernel = Kernel::Quick { enough: ask.required };
+    match near_known_ground(scene, part, placed, limit, kernel) {
         Some(near) if near.distance < ask.least() => {
             Look::Violated(violation(Touch::Ground(part.link), near, ask.required))
         }

@@ -217,7 +217,7 @@ fn certified_edges_hold_against_brute_force() {
         .map(|(x, y, z)| rock(Vector3::new(x, y, z), 0.35, &mut rng));
     let rocky_world = World::new(robot.clone(), plane(), rocks.to_vec());
     let crowd = crowded(&up);
-    let n = cases(75, 2_500);
+    let n = cases(200, 2_500);
     let buffered =
         Keep { inflation: 0.01, obstacle_buffer: 0.05, terrain_lift: 0.1, ..Keep::default() };
     let mut all = Tally::default();
