@@ -8,7 +8,7 @@
 //! Σ λ d = (0, 0, 1),  Σ λ (p × d)_z = 0,  center of mass (x, y) = Σ λ (-(p × d)_y, (p × d)_x),  λ ≥ 0.
 //!
 //! That is a linear program with four balances, and the region is the shadow of its feasible set:
-//! [`crate::simplex`] walks around it, one pivot a vertex. The outline is exact for the
+//! the crate's simplex walks around it, one pivot a vertex. The outline is exact for the
 //! linearized cones; whether these lie inside or outside of the true ones is the caller's choice.
 //!
 //! On walls that face each other, feet may push against each other without limit and hold any
