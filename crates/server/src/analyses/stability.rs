@@ -72,6 +72,9 @@ struct Case {
     /// With a mass (N).
     weight: Option<f64>,
     tethers: Vec<ForceSet>,
+    uncertainty: Option<Uncertainty>,
+    /// Direction of the energy slice (rad).
+    heading: Option<f64>,
     cone: ConeModel,
 }
 
@@ -101,7 +104,21 @@ impl Case {
         }
         let points = contacts.iter().map(|c| c.position).collect();
         let cone = ConeModel { edges: case.cone_edges as usize, bound };
-        Ok(Case { contacts, points, com, weight, tethers: tethers(at, case)?, cone })
+        let yaw = at.field("energy_heading_rad");
+        let heading = case.energy_heading_rad;
+        let heading = heading
+            .map(|yaw_rad| check::within(&yaw, yaw_rad, [-10.0, 10.0], " rad"))
+            .transpose()?;
+        Ok(Case {
+            contacts,
+            points,
+            com,
+            weight,
+            tethers: tethers(at, case)?,
+            uncertainty: uncertainty(at, case)?,
+            heading,
+            cone,
+        })
     }
 
     /// What each contact, and each rope, can give.
@@ -190,8 +207,8 @@ fn of_case(
         energy_margin_m: energy_margin.as_ref().map(|e| e.height_m),
         energy_edges: energy_margin.as_ref().map_or_else(Vec::new, energy_edges),
         energy_surface: surface(at, request, &case, energy.as_ref())?,
-        energy_slice: slice(at, request, &case, energy.as_ref())?,
-        robust: robust_answer(at, request, &case)?,
+        energy_slice: slice(&case, energy.as_ref()),
+        robust: robust_answer(at, &case)?,
         contact_forces_n: case
             .weight
             .and_then(|w| {
@@ -319,34 +336,28 @@ fn surface(
     }))
 }
 
-fn slice(
-    at: &At<'_>,
-    request: &StabilityCase,
-    case: &Case,
-    edges: Option<&TippingEdges>,
-) -> Result<Option<EnergySlice>, RequestError> {
-    let Some((heading, edges)) = request.energy_heading_rad.zip(edges) else { return Ok(None) };
-    check::within(&at.field("energy_heading_rad"), heading, [-10.0, 10.0], " rad")?;
+fn slice(case: &Case, edges: Option<&TippingEdges>) -> Option<EnergySlice> {
+    let (heading, edges) = case.heading.zip(edges)?;
     let (low, high) = extent(edges);
     let length_m = (high - low).norm();
     let height_m = edges.slice(&case.com, heading, length_m, SLICE_VALUES);
-    Ok(Some(EnergySlice { length_m, height_m }))
+    Some(EnergySlice { length_m, height_m })
 }
 
-fn robust_answer(
-    at: &At<'_>,
-    request: &StabilityCase,
-    case: &Case,
-) -> Result<Option<RobustAnswer>, RequestError> {
-    let Some(uncertainty) = &request.uncertainty else { return Ok(None) };
+fn uncertainty(at: &At<'_>, case: &StabilityCase) -> Result<Option<Uncertainty>, RequestError> {
+    let Some(asked) = &case.uncertainty else { return Ok(None) };
     let at = at.field("uncertainty");
-    let height_m = check::within(&at.field("height_m"), uncertainty.height_m, [0.0, 10.0], " m")?;
+    let height_m = check::within(&at.field("height_m"), asked.height_m, [0.0, 10.0], " m")?;
     let angle = at.field("normal_rad");
-    let normal_rad = check::within(&angle, uncertainty.normal_rad, [0.0, 1.5], " rad")?;
-    let friction = check::within(&at.field("friction"), uncertainty.friction, [0.0, 10.0], "")?;
-    let uncertainty = Uncertainty { height_m, normal_rad, friction };
-    let least = robust::margins(&case.contacts, &case.com, &uncertainty, case.cone)
-        .map_err(|error| RequestError::at("contacts_invalid", &at, format_args!("{error}")))?;
+    let normal_rad = check::within(&angle, asked.normal_rad, [0.0, 1.5], " rad")?;
+    let friction = check::within(&at.field("friction"), asked.friction, [0.0, 10.0], "")?;
+    Ok(Some(Uncertainty { height_m, normal_rad, friction }))
+}
+
+fn robust_answer(at: &At<'_>, case: &Case) -> Result<Option<RobustAnswer>, RequestError> {
+    let Some(uncertainty) = &case.uncertainty else { return Ok(None) };
+    let least = robust::margins(&case.contacts, &case.com, uncertainty, case.cone)
+        .map_err(|error| RequestError::at("contacts_invalid", at, format_args!("{error}")))?;
     Ok(Some(RobustAnswer { friction_margin_m: least.friction_m, energy_margin_m: least.energy_m }))
 }
 
