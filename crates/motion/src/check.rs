@@ -18,7 +18,7 @@ use crate::answer::{Finding, Phase, Waypoint};
 const STEP: f64 = 0.03;
 
 /// Least between two configurations looked at (rad, largest joint), however near things are.
-const FINEST: f64 = 0.0005;
+const FINEST: f64 = 0.0001;
 
 /// Most between two configurations of a body shift (rad, largest joint).
 const SHIFT_STEP: f64 = 0.005;
