@@ -117,13 +117,12 @@ pub async fn run(app: AppState) {
         let basis = basis(&app);
         let is_still = basis == seen;
         seen.clone_from(&basis);
-        if basis.is_none() || !is_still || basis == done {
+        if !is_still || basis == done {
             continue;
         }
-        if let Some(basis) = &basis {
-            compute(&app, basis).await;
-        }
-        done = basis;
+        // What was ended by a change is begun again, should the same basis come back.
+        let Some(now) = basis else { continue };
+        done = compute(&app, &now).await.then_some(now);
     }
 }
 
@@ -142,6 +141,11 @@ pub fn plan_to_cells(app: &AppState, leg: &str) -> Result<JobReport, ApiError> {
         let work = move || {
             let _place = permit;
             let (context, stability) = (app.context(), app.reach.locked().preference);
+            // The rover may have moved while this waited for its turn.
+            if self::basis(&app).as_deref() != Some(&*basis) {
+                let text = "the stance, the map or the preference has changed; ask again";
+                return job.end(Err(ApiError::new("cancelled", text)));
+            }
             let mut shown = Instant::now();
             let stop = job.stop().clone();
             let mut told = |share: f64, cells: &ReachabilityCells| {
@@ -190,11 +194,12 @@ fn basis(app: &AppState) -> Option<String> {
     Some(format!("{state}-{map}-{preference:?}"))
 }
 
-async fn compute(app: &AppState, basis_of_work: &str) {
+/// Computes all legs; `false` if a change ended the work before.
+async fn compute(app: &AppState, basis_of_work: &str) -> bool {
     let names: Vec<String> = app.live.robot().legs().iter().map(|leg| leg.name.clone()).collect();
     app.reach.begin(basis_of_work, names.len());
     tell(app);
-    let Ok(stop) = Stop::after(Some(DEADLINE_S)) else { return };
+    let Ok(stop) = Stop::after(Some(DEADLINE_S)) else { return false };
     let guard = stop.guard();
     for name in names {
         let (context, stop) = (app.context(), stop.clone());
@@ -211,7 +216,7 @@ async fn compute(app: &AppState, basis_of_work: &str) {
                 () = tokio::time::sleep(LOOK) => {
                     // Another basis: dropping the guard ends the work.
                     if *app.closing.borrow() || basis(app).as_deref() != Some(basis_of_work) {
-                        return;
+                        return false;
                     }
                 }
             }
@@ -232,6 +237,7 @@ async fn compute(app: &AppState, basis_of_work: &str) {
         tell(app);
     }
     drop(guard);
+    true
 }
 
 fn tell(app: &AppState) {
