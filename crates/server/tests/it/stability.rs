@@ -155,7 +155,10 @@ async fn the_reachability_of_all_legs_comes_by_itself_and_again_after_a_step() {
             now["basis"] != first["basis"] && now["progress"] == 1.0
         })
         .await;
-    // A centered hexagon has no conservative margin with a leg up: nothing is stable.
+    // Whoever asks for more finds fewer places: what was reachable is unstable by the stricter rule.
     let now = summary().await;
     assert_eq!(now["stability"], "conservative");
+    let of = |summary: &Value, class| summary["legs"]["leg1"]["cells"][class].as_u64().unwrap();
+    assert!(of(&now, "reachable") < of(&first, "reachable"), "{now}");
+    assert!(of(&now, "unstable") > of(&first, "unstable"), "{now}");
 }
