@@ -183,7 +183,11 @@ function WhatHelps({ leg, point }: { leg: string; point: Vec3 }) {
   const known = answer && answer.of === point && answer.leg === leg;
   return (
     <p className="small" data-testid="what-helps" aria-live="polite">
-      {known ? answer.text : <span className="quiet">Looking for what would help…</span>}
+      {known ? (
+        `${capital(answer.text)}.`
+      ) : (
+        <span className="quiet">Looking for what would help…</span>
+      )}
     </p>
   );
 }
