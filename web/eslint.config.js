@@ -7,5 +7,17 @@ export default tseslint.config(
   js.configs.recommended,
   ...tseslint.configs.recommended,
   { ...hooks.configs.flat["recommended-latest"], files: ["src/**/*.{ts,tsx}"] },
+  {
+    files: ["conformance/**"],
+    languageOptions: {
+      globals: {
+        Buffer: "readonly",
+        TextDecoder: "readonly",
+        WebSocket: "readonly",
+        console: "readonly",
+        process: "readonly",
+      },
+    },
+  },
   { rules: { "max-lines": ["error", { max: 400, skipBlankLines: true, skipComments: true }] } },
 );

@@ -2,6 +2,7 @@
 
 mod analysis;
 mod commands;
+mod foxglove;
 mod jobs;
 mod logs;
 mod plans;
@@ -84,6 +85,7 @@ fn described() -> OpenApiRouter<AppState> {
         .nest("/api/v1", api)
         .routes(routes!(health))
         .routes(routes!(ready))
+        .merge(foxglove::routes())
 }
 
 /// The document that describes all routes.

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use bridge::clock::Clock;
+use bridge::recorder::ChannelSchema;
 use tokio::sync::{Semaphore, watch};
 
 use crate::config::Config;
@@ -43,6 +44,8 @@ pub struct App {
     pub plans: Plans,
     /// Replays of logs.
     pub replays: Replays,
+    /// The channels that are logged, with their schemas.
+    pub schemas: Vec<ChannelSchema>,
     /// Lets analyses in.
     pub gate: Gate,
     /// A place for each listener on the stream.

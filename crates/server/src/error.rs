@@ -51,6 +51,7 @@ pub const CODES: &[(&str, u16, &str)] = &[
     ("port_in_use", 422, "a port that another program listens on (command line)"),
     ("listen", 422, "an address that cannot be listened on (command line)"),
     ("query_invalid", 400, "a query or path that cannot be read"),
+    ("subprotocol_unknown", 400, "a viewer that offers no WebSocket subprotocol of this route"),
     ("body_too_large", 413, "a body larger than is taken"),
     ("operator_invalid", 400, "an X-Operator header that is no plain name of up to 64 characters"),
     // who asks

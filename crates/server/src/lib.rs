@@ -13,6 +13,7 @@ pub mod cli;
 mod compare;
 pub mod config;
 pub mod error;
+mod foxglove;
 pub mod gate;
 mod import;
 pub mod jobs;

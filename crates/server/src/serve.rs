@@ -175,6 +175,7 @@ impl Server {
             listeners: Arc::new(Semaphore::new(config.server.listeners_max)),
             replays: Replays::new(config.server.replays_max),
             plans: Plans::default(),
+            schemas: schemas(),
             config,
             clock,
             robots,

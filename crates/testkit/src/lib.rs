@@ -32,12 +32,17 @@ pub fn shared_data_path(test: &str, path: &str) -> Option<PathBuf> {
     if full.is_file() {
         return Some(full);
     }
-    let note = format!("SKIPPED {test}: shared data {path} is absent");
+    note_skipped(test, &format!("shared data {path} is absent"));
+    None
+}
+
+/// Tells that `test` was skipped, and why, where `make test` collects it.
+pub fn note_skipped(test: &str, why: &str) {
+    let note = format!("SKIPPED {test}: {why}");
     eprintln!("{note}");
     let list = project_dir().join("target/skipped-tests.txt");
     if let Ok(mut file) = OpenOptions::new().create(true).append(true).open(list) {
         // The note on stderr already told; a list that cannot be written must not fail the test.
         let _ = writeln!(file, "{note}");
     }
-    None
 }

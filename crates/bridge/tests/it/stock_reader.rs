@@ -1,10 +1,9 @@
 //! A stock reader that shares no code with ours opens our logs.
 
-use std::fs::OpenOptions;
-use std::io::Write;
 use std::process::Command;
 
 use bridge::recorder::Recorder;
+use testkit::note_skipped;
 
 use crate::recorder::{messages, options};
 use crate::support::TempDir;
@@ -29,13 +28,25 @@ fn the_python_reader_counts_the_same_messages() {
     assert_eq!(counts, "command/event 100\nrover/state 200\n");
 }
 
-/// Tells that a test was skipped, where `make test` collects it.
-fn note_skipped(test: &str, why: &str) {
-    let note = format!("SKIPPED {test}: {why}");
-    eprintln!("{note}");
-    let list = testkit::project_dir().join("target/skipped-tests.txt");
-    if let Ok(mut file) = OpenOptions::new().create(true).append(true).open(list) {
-        // The note on stderr already told; a list that cannot be written must not fail the test.
-        let _ = writeln!(file, "{note}");
+#[test]
+fn the_reader_of_browsers_counts_the_same_messages() {
+    let test = "bridge::the_reader_of_browsers_counts_the_same_messages";
+    let web = testkit::project_dir().join("web");
+    if !web.join("node_modules/@mcap/core").is_dir() {
+        return note_skipped(
+            test,
+            "web/node_modules has no @mcap/core; `make console` installs it",
+        );
     }
+    let dir = TempDir::new("stock-js");
+    let mut recorder = Recorder::start(dir.path(), options()).unwrap();
+    for message in messages(300) {
+        recorder.record(message);
+    }
+    let id = recorder.finish().unwrap().log.id;
+    let file = dir.path().join(format!("{id}.mcap"));
+    let mut node = Command::new("node");
+    let output = node.arg(web.join("conformance/mcap.mjs")).arg(file).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(String::from_utf8(output.stdout).unwrap(), "command/event 100\nrover/state 200\n");
 }

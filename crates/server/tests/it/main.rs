@@ -7,6 +7,7 @@ mod bad_input;
 mod codes;
 mod command_line;
 mod documents;
+mod foxglove;
 mod job;
 mod real_terrain;
 mod routes;

@@ -9,10 +9,10 @@ use tokio_tungstenite::{MaybeTlsStream, WebSocketStream, connect_async};
 
 use crate::support::Ground;
 
-type Socket = WebSocketStream<MaybeTlsStream<TcpStream>>;
+pub type Socket = WebSocketStream<MaybeTlsStream<TcpStream>>;
 
-/// The ground behind a port of its own.
-async fn serve(ground: &Ground) -> String {
+/// The ground behind a port of its own: the beginning of its addresses.
+pub async fn listening(ground: &Ground) -> String {
     let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
     let address = listener.local_addr().unwrap();
     let router = ground.router.clone();
@@ -20,7 +20,11 @@ async fn serve(ground: &Ground) -> String {
         let (_open, closed) = tokio::sync::watch::channel(false);
         server::serve::connections::serve(listener, router, closed).await;
     });
-    format!("ws://{address}/api/v1/stream")
+    format!("ws://{address}")
+}
+
+async fn serve(ground: &Ground) -> String {
+    format!("{}/api/v1/stream", listening(ground).await)
 }
 
 async fn frame(socket: &mut Socket) -> Value {
@@ -33,7 +37,7 @@ async fn frame(socket: &mut Socket) -> Value {
     }
 }
 
-async fn say(socket: &mut Socket, request: Value) {
+pub async fn say(socket: &mut Socket, request: Value) {
     socket.send(Message::text(request.to_string())).await.unwrap();
 }
 

@@ -1,0 +1,173 @@
+//! The route for viewers, with the client that viewers use.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use bridge::reader::{Limits, read_file};
+use serde_json::{Value, json};
+use testkit::note_skipped;
+use tokio_tungstenite::tungstenite::client::IntoClientRequest;
+use tokio_tungstenite::tungstenite::{Error, Message};
+use tokio_tungstenite::{WebSocketStream, connect_async};
+
+use crate::stream::{Socket, listening, say};
+use crate::support::Ground;
+
+/// What came of each topic: time and content.
+type Heard = BTreeMap<String, Vec<(u64, String)>>;
+
+/// Lets the stock client listen to `url` until it has `count` messages.
+async fn heard_by_the_stock_client(
+    ground: &Ground,
+    url: &str,
+    protocol: &str,
+    count: u32,
+) -> Heard {
+    let file = ground.dir.path().join("heard.txt");
+    let mut client = Command::new("node")
+        .arg("--experimental-websocket") // for versions of Node before 22
+        .arg(testkit::project_dir().join("web/conformance/foxglove.mjs"))
+        .args([url, protocol, &count.to_string()])
+        .arg(&file)
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let status = loop {
+        if let Some(status) = client.try_wait().unwrap() {
+            break status;
+        }
+        tokio::time::sleep(std::time::Duration::from_millis(50)).await;
+    };
+    let mut why = String::new();
+    std::io::Read::read_to_string(&mut client.stderr.take().unwrap(), &mut why).unwrap();
+    assert!(status.success(), "{why}");
+    lines_of(&file)
+}
+
+fn lines_of(file: &Path) -> Heard {
+    let mut heard = Heard::new();
+    for line in std::fs::read_to_string(file).unwrap().lines() {
+        let mut fields = line.splitn(3, '\t');
+        let mut field = || fields.next().unwrap().to_owned();
+        let (topic, time, content) = (field(), field().parse().unwrap(), field());
+        heard.entry(topic).or_default().push((time, content));
+    }
+    heard
+}
+
+/// What the log at `path` holds of each topic, as a viewer would hear it.
+fn logged(path: &Path) -> Heard {
+    let log = read_file(path, Limits::default()).unwrap();
+    let mut logged = Heard::new();
+    for message in log.messages {
+        let content = String::from_utf8(message.data.to_vec()).unwrap();
+        logged.entry(message.channel.to_string()).or_default().push((message.log_time.0, content));
+    }
+    logged
+}
+
+/// Every topic heard must be a run of the log without gap or repeat.
+fn assert_runs(heard: &Heard, logged: &Heard) {
+    for (topic, messages) in heard {
+        let all = &logged[topic];
+        let first = all.iter().position(|message| *message == messages[0]);
+        let first = first.unwrap_or_else(|| panic!("{topic}: the first message is in no log"));
+        assert!(all[first..].starts_with(messages), "{topic}: what was heard is no run of the log");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn ten_thousand_messages_reach_the_stock_client_as_they_stand_in_the_log() {
+    let test = "server::ten_thousand_messages_reach_the_stock_client";
+    if !testkit::project_dir().join("web/node_modules/@foxglove/ws-protocol").is_dir() {
+        return note_skipped(test, "web/node_modules has no @foxglove/ws-protocol");
+    }
+    let ground = Ground::start().await;
+    ground.clock.run_at(60.0);
+    let url = format!("{}/foxglove", listening(&ground).await);
+    let heard = heard_by_the_stock_client(&ground, &url, "foxglove.sdk.v1", 10_000).await;
+    assert_eq!(heard.values().map(Vec::len).sum::<usize>(), 10_000);
+    assert!(heard["rover/state"].len() > 3000 && heard["rover/stability"].len() > 3000);
+
+    ground.clock.run_at(1.0);
+    let log = ground.get("/api/v1/logs").await.json()["logs"][0]["id"].clone();
+    // A replay gives the same, under the other name of the protocol.
+    let replay = ground.post("replays", &json!({ "log": log, "rate": 100.0 })).await.json();
+    let of_replay = format!("{url}?replay={}", replay["id"].as_str().unwrap());
+    let replayed =
+        heard_by_the_stock_client(&ground, &of_replay, "foxglove.websocket.v1", 1000).await;
+
+    let dir = ground.finish().await;
+    let path = dir.path().join("logs").join(format!("{}.mcap", log.as_str().unwrap()));
+    let logged = logged(&path);
+    assert_runs(&heard, &logged);
+    assert_runs(&replayed, &logged);
+}
+
+async fn viewer(url: &str) -> Socket {
+    let mut request = url.into_client_request().unwrap();
+    request.headers_mut().insert("sec-websocket-protocol", "foxglove.sdk.v1".parse().unwrap());
+    let (socket, answer) = connect_async(request).await.unwrap();
+    assert_eq!(answer.headers()["sec-websocket-protocol"], "foxglove.sdk.v1");
+    socket
+}
+
+/// The next text frame; binary ones are passed over.
+async fn text<S>(socket: &mut WebSocketStream<S>) -> Value
+where
+    S: tokio::io::AsyncRead + tokio::io::AsyncWrite + Unpin,
+{
+    use futures_util::StreamExt;
+    loop {
+        if let Message::Text(text) = socket.next().await.unwrap().unwrap() {
+            return serde_json::from_str(&text).unwrap();
+        }
+    }
+}
+
+#[tokio::test]
+async fn a_viewer_that_asks_for_what_is_not_there_is_told() {
+    let ground = Ground::start().await;
+    let url = format!("{}/foxglove", listening(&ground).await);
+    let mut socket = viewer(&url).await;
+    let info = text(&mut socket).await;
+    assert_eq!((&info["op"], &info["capabilities"]), (&json!("serverInfo"), &json!([])));
+    let channels = text(&mut socket).await;
+    let topics: Vec<_> = channels["channels"].as_array().unwrap().iter().collect();
+    assert!(topics.iter().any(|c| c["topic"] == "command/uplink" && c["encoding"] == "json"));
+    let wish = |id: u32, channel: u32| json!({ "op": "subscribe", "subscriptions": [{ "id": id, "channelId": channel }] });
+    for (request, word) in [
+        (wish(1, 999), "no channel 999"),
+        (json!({ "op": "advertise", "channels": [] }), "read-only"),
+        (json!({ "op": "subscribe" }), "subscriptions"),
+        (json!([]), "read-only"),
+    ] {
+        say(&mut socket, request).await;
+        let answer = text(&mut socket).await;
+        assert_eq!((&answer["op"], &answer["level"]), (&json!("status"), &json!(2)));
+        assert!(answer["message"].as_str().unwrap().contains(word), "{answer}");
+    }
+    say(&mut socket, wish(1, 0)).await;
+    say(&mut socket, wish(1, 0)).await;
+    assert!(text(&mut socket).await["message"].as_str().unwrap().contains("is in use"));
+}
+
+#[tokio::test]
+async fn without_a_known_subprotocol_or_from_another_site_there_is_no_viewer() {
+    let ground = Ground::start().await;
+    let url = format!("{}/foxglove", listening(&ground).await);
+    let refused = |header: &'static str, value: &'static str, url: String| async move {
+        let mut request = url.into_client_request().unwrap();
+        request.headers_mut().insert(header, value.parse().unwrap());
+        match connect_async(request).await.unwrap_err() {
+            Error::Http(answer) => answer.status().as_u16(),
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(refused("x-operator", "nobody", url.clone()).await, 400);
+    assert_eq!(refused("sec-websocket-protocol", "mqtt", url.clone()).await, 400);
+    assert_eq!(refused("origin", "https://evil.example", url.clone()).await, 403);
+    let of_replay = format!("{url}?replay=none");
+    assert_eq!(refused("sec-websocket-protocol", "foxglove.sdk.v1", of_replay).await, 404);
+}
