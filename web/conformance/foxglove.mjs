@@ -1,6 +1,6 @@
 // A viewer: the client of the Foxglove WebSocket protocol that others use, on our route. It subscribes
 // to every channel and writes what comes as lines `topic TAB time TAB payload`, until there are
-// enough of them.
+// enough of JSON; payloads of other encodings are in base64.
 //
 //   node conformance/foxglove.mjs URL SUBPROTOCOL COUNT FILE
 import { closeSync, openSync, writeSync } from "node:fs";
@@ -28,13 +28,15 @@ client.on("serverInfo", (event) => {
 });
 client.on("advertise", (channels) => {
   for (const channel of channels) {
-    JSON.parse(channel.schema);
-    topics.set(client.subscribe(channel.id), channel.topic);
+    const isJson = channel.encoding === "json";
+    if (isJson) JSON.parse(channel.schema);
+    topics.set(client.subscribe(channel.id), { name: channel.topic, isJson });
   }
 });
 client.on("message", ({ subscriptionId, timestamp, data }) => {
-  const payload = Buffer.from(data.buffer, data.byteOffset, data.byteLength).toString("utf8");
-  writeSync(file, `${topics.get(subscriptionId)}\t${timestamp}\t${payload}\n`);
-  lines += 1;
+  const { name, isJson } = topics.get(subscriptionId);
+  const bytes = Buffer.from(data.buffer, data.byteOffset, data.byteLength);
+  writeSync(file, `${name}\t${timestamp}\t${bytes.toString(isJson ? "utf8" : "base64")}\n`);
+  if (isJson) lines += 1;
   if (lines >= Number(count)) end(0);
 });

@@ -1,21 +1,28 @@
 //! `WS /foxglove`: the channels of the live rover or of a replay, for viewers that speak the
 //! Foxglove WebSocket protocol. Read-only: there is no operation that could reach the rover.
 //!
-//! Both subprotocols of viewers in use are taken; what is served here is the same in both. A
+//! Beside the logged channels, in JSON, there is what viewers draw in three dimensions, in protobuf:
+//! [`wire::foxglove`]. Both subprotocols of viewers in use are taken; what is served here is the same in both. A
 //! listener that takes too little loses the oldest messages of the bus, and is told how many.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
 use axum::extract::ws::{Message, Utf8Bytes, WebSocket};
 use bridge::bus::{BusItem, ChannelMessage, Subscription};
-use bridge::recorder::ChannelSchema;
 use bytes::{BufMut, Bytes, BytesMut};
 use serde::{Deserialize, Serialize};
 use tokio::sync::{broadcast, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 use wire::time::Timestamp;
+
+mod listener;
+mod topics;
+
+use listener::Listener;
+use topics::Topics;
 
 use crate::app::AppState;
 use crate::error::ApiError;
@@ -24,8 +31,6 @@ use crate::replays::ReplayItem;
 /// Subprotocols taken, the current one first.
 pub const PROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
 
-/// Subscriptions of one listener.
-const SUBSCRIPTIONS_MAX: usize = 256;
 /// A listener is asked for a sign of life this often.
 const PING: Duration = Duration::from_secs(15);
 /// A listener that gives no sign of life, or takes nothing, for so long is let go.
@@ -122,7 +127,7 @@ enum Notice<'a> {
         session_id: String,
     },
     Advertise {
-        channels: Vec<Channel<'a>>,
+        channels: Vec<Advertised<'a>>,
     },
     Status {
         level: u8,
@@ -132,36 +137,28 @@ enum Notice<'a> {
 
 #[derive(Debug, Serialize)]
 #[serde(rename_all = "camelCase")]
-struct Channel<'a> {
+struct Advertised<'a> {
     id: usize,
     topic: &'a str,
     encoding: &'a str,
     schema_name: &'a str,
     schema_encoding: &'a str,
-    schema: &'a str,
+    schema: Cow<'a, str>,
 }
 
 /// Levels of a status.
 const WARNING: u8 = 1;
 const ERROR: u8 = 2;
 
-/// What a listener has subscribed to, and what it holds of each channel already.
-struct Listener {
-    channels: BTreeMap<Arc<str>, usize>,
-    /// Subscriptions of each channel.
-    wishes: BTreeMap<usize, Vec<u32>>,
-    /// The latest message of each channel that came by: a new subscription begins with it.
-    latest: BTreeMap<usize, Arc<ChannelMessage>>,
-}
-
 /// Serves one listener until it goes.
 pub async fn serve(mut socket: WebSocket, app: AppState, feed: Feed) {
     let Feed { name, shown, mut source } = feed;
     let is_replay = matches!(source, Source::Replay(_));
-    if !greet(&mut socket, &name, is_replay, &app.schemas).await {
+    let topics = Topics::new(&app.schemas, app.live.robot().clone());
+    if !greet(&mut socket, &name, is_replay, &topics).await {
         return;
     }
-    let mut listener = Listener::new(&app.schemas);
+    let mut listener = Listener::new(topics);
     for message in shown {
         listener.keep(message);
     }
@@ -218,12 +215,7 @@ async fn send_all(socket: &mut WebSocket, frames: Vec<Message>) -> bool {
     true
 }
 
-async fn greet(
-    socket: &mut WebSocket,
-    name: &str,
-    is_replay: bool,
-    schemas: &[ChannelSchema],
-) -> bool {
+async fn greet(socket: &mut WebSocket, name: &str, is_replay: bool, topics: &Topics) -> bool {
     let info = Notice::ServerInfo {
         name,
         capabilities: if is_replay { &["time"] } else { &[] },
@@ -231,89 +223,17 @@ async fn greet(
         metadata: BTreeMap::from([("version", env!("CARGO_PKG_VERSION"))]),
         session_id: uuid::Uuid::now_v7().to_string(),
     };
-    let channels = schemas.iter().enumerate().map(|(id, schema)| Channel {
-        id,
-        topic: &schema.channel,
-        encoding: "json",
-        schema_name: &schema.name,
-        schema_encoding: "jsonschema",
-        schema: &schema.schema_json,
-    });
-    let channels = Notice::Advertise { channels: channels.collect() };
+    let channels = Notice::Advertise { channels: topics.advertised() };
     send_all(socket, vec![text_of(&info), text_of(&channels)]).await
 }
 
-impl Listener {
-    fn new(schemas: &[ChannelSchema]) -> Listener {
-        let names = schemas.iter().enumerate();
-        Listener {
-            channels: names.map(|(id, schema)| (schema.channel.as_str().into(), id)).collect(),
-            wishes: BTreeMap::new(),
-            latest: BTreeMap::new(),
-        }
-    }
-
-    /// Does what the listener asks; what it is answered at once.
-    fn handle(&mut self, text: &str) -> Vec<Message> {
-        match serde_json::from_str(text) {
-            Ok(Request::Subscribe { subscriptions }) => subscriptions
-                .into_iter()
-                .map(|wish| self.subscribe(wish))
-                .collect::<Vec<_>>()
-                .concat(),
-            Ok(Request::Unsubscribe { subscription_ids }) => {
-                for ids in self.wishes.values_mut() {
-                    ids.retain(|id| !subscription_ids.contains(id));
-                }
-                Vec::new()
-            }
-            Err(error) => vec![refusal(&format!(
-                "not taken: {error}; this route is read-only and takes subscribe and unsubscribe"
-            ))],
-        }
-    }
-
-    fn subscribe(&mut self, wish: Wish) -> Vec<Message> {
-        let Wish { id, channel_id } = wish;
-        let channel = channel_id as usize;
-        if channel >= self.channels.len() {
-            return vec![refusal(&format!("there is no channel {channel_id}"))];
-        }
-        if self.wishes.values().flatten().any(|taken| *taken == id) {
-            return vec![refusal(&format!("subscription {id} is in use; choose another id"))];
-        }
-        if self.wishes.values().map(Vec::len).sum::<usize>() >= SUBSCRIPTIONS_MAX {
-            return vec![refusal(&format!(
-                "one viewer has {SUBSCRIPTIONS_MAX} subscriptions at most"
-            ))];
-        }
-        self.wishes.entry(channel).or_default().push(id);
-        self.latest.get(&channel).map(|message| data(id, message)).into_iter().collect()
-    }
-
-    /// Keeps `message` for subscriptions to come; its channel, if it is one that is advertised.
-    fn keep(&mut self, message: Arc<ChannelMessage>) -> Option<usize> {
-        let channel = *self.channels.get(&message.channel)?;
-        self.latest.insert(channel, message);
-        Some(channel)
-    }
-
-    /// The frames of a message: one for each subscription and, in a replay, the time.
-    fn frames(&mut self, message: Arc<ChannelMessage>, is_replay: bool) -> Vec<Message> {
-        let time = is_replay.then(|| time_of(message.received_time));
-        let Some(channel) = self.keep(message.clone()) else { return Vec::new() };
-        let ids = self.wishes.get(&channel).into_iter().flatten();
-        time.into_iter().chain(ids.map(|id| data(*id, &message))).collect()
-    }
-}
-
-/// A message under a subscription, with the time at which it came to the ground.
-fn data(subscription: u32, message: &ChannelMessage) -> Message {
-    let mut frame = BytesMut::with_capacity(13 + message.json.len());
+/// What comes under a subscription, with the time at which it came to the ground.
+fn data(subscription: u32, time: Timestamp, content: &[u8]) -> Message {
+    let mut frame = BytesMut::with_capacity(13 + content.len());
     frame.put_u8(MESSAGE_DATA);
     frame.put_u32_le(subscription);
-    frame.put_u64_le(message.received_time.0);
-    frame.put_slice(&message.json);
+    frame.put_u64_le(time.0);
+    frame.put_slice(content);
     Message::Binary(frame.freeze())
 }
 

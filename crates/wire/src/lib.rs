@@ -9,6 +9,7 @@
 pub mod analysis;
 pub mod check;
 pub mod convert;
+pub mod foxglove;
 pub mod live;
 pub mod resources;
 pub mod scene;

@@ -1,15 +1,21 @@
 //! The route for viewers, with the client that viewers use.
 
 use std::collections::BTreeMap;
+use std::io::Read;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use bridge::reader::{Limits, read_file};
+use prost::Message as _;
 use serde_json::{Value, json};
 use testkit::note_skipped;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use tokio_tungstenite::tungstenite::{Error, Message};
 use tokio_tungstenite::{WebSocketStream, connect_async};
+
+use wire::foxglove::schema::FrameTransforms;
 
 use crate::stream::{Socket, listening, say};
 use crate::support::Ground;
@@ -17,32 +23,52 @@ use crate::support::Ground;
 /// What came of each topic: time and content.
 type Heard = BTreeMap<String, Vec<(u64, String)>>;
 
-/// Lets the stock client listen to `url` until it has `count` messages.
+/// Lets the stock client listen to `url` until it has `count` messages. Time goes fast as long as the
+/// client keeps up, so that a slow machine makes the test slow and nothing else.
 async fn heard_by_the_stock_client(
     ground: &Ground,
     url: &str,
     protocol: &str,
     count: u32,
+    speed: f64,
 ) -> Heard {
-    let file = ground.dir.path().join("heard.txt");
+    let path = ground.dir.path().join("heard.txt");
+    std::fs::write(&path, "").unwrap();
     let mut client = Command::new("node")
         .arg("--experimental-websocket") // for versions of Node before 22
         .arg(testkit::project_dir().join("web/conformance/foxglove.mjs"))
         .args([url, protocol, &count.to_string()])
-        .arg(&file)
+        .arg(&path)
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
+    let mut file = std::fs::File::open(&path).unwrap();
+    let (mut heard, mut at_start, mut text) = (0, true, Vec::new());
+    let before = logged_messages(ground).await;
     let status = loop {
         if let Some(status) = client.try_wait().unwrap() {
             break status;
         }
-        tokio::time::sleep(std::time::Duration::from_millis(50)).await;
+        text.clear();
+        file.read_to_end(&mut text).unwrap();
+        // A topic that is drawn begins with a slash, and is published by nobody.
+        for byte in &text {
+            heard += u64::from(at_start && *byte != b'/');
+            at_start = *byte == b'\n';
+        }
+        let is_behind = logged_messages(ground).await > before + heard + 500;
+        ground.clock.run_at(if is_behind { 1.0 } else { speed });
+        tokio::time::sleep(std::time::Duration::from_millis(10)).await;
     };
+    ground.clock.run_at(1.0);
     let mut why = String::new();
-    std::io::Read::read_to_string(&mut client.stderr.take().unwrap(), &mut why).unwrap();
-    assert!(status.success(), "{why}");
-    lines_of(&file)
+    client.stderr.take().unwrap().read_to_string(&mut why).unwrap();
+    assert!(status.success(), "after {heard} messages: {why}");
+    lines_of(&path)
+}
+
+async fn logged_messages(ground: &Ground) -> u64 {
+    ground.get("/api/v1/logs").await.json()["logs"][0]["messages"].as_u64().unwrap()
 }
 
 fn lines_of(file: &Path) -> Heard {
@@ -69,7 +95,7 @@ fn logged(path: &Path) -> Heard {
 
 /// Every topic heard must be a run of the log without gap or repeat.
 fn assert_runs(heard: &Heard, logged: &Heard) {
-    for (topic, messages) in heard {
+    for (topic, messages) in heard.iter().filter(|(topic, _)| !topic.starts_with('/')) {
         let all = &logged[topic];
         let first = all.iter().position(|message| *message == messages[0]);
         let first = first.unwrap_or_else(|| panic!("{topic}: the first message is in no log"));
@@ -84,25 +110,47 @@ async fn ten_thousand_messages_reach_the_stock_client_as_they_stand_in_the_log()
         return note_skipped(test, "web/node_modules has no @foxglove/ws-protocol");
     }
     let ground = Ground::start().await;
-    ground.clock.run_at(60.0);
     let url = format!("{}/foxglove", listening(&ground).await);
-    let heard = heard_by_the_stock_client(&ground, &url, "foxglove.sdk.v1", 10_000).await;
-    assert_eq!(heard.values().map(Vec::len).sum::<usize>(), 10_000);
+    let heard = heard_by_the_stock_client(&ground, &url, "foxglove.sdk.v1", 10_000, 60.0).await;
+    let is_json =
+        |(topic, messages): (&String, &Vec<_>)| (!topic.starts_with('/')).then(|| messages.len());
+    assert_eq!(heard.iter().filter_map(is_json).sum::<usize>(), 10_000);
     assert!(heard["rover/state"].len() > 3000 && heard["rover/stability"].len() > 3000);
 
-    ground.clock.run_at(1.0);
     let log = ground.get("/api/v1/logs").await.json()["logs"][0]["id"].clone();
     // A replay gives the same, under the other name of the protocol.
-    let replay = ground.post("replays", &json!({ "log": log, "rate": 100.0 })).await.json();
+    let replay = ground.post("replays", &json!({ "log": log, "rate": 20.0 })).await.json();
     let of_replay = format!("{url}?replay={}", replay["id"].as_str().unwrap());
     let replayed =
-        heard_by_the_stock_client(&ground, &of_replay, "foxglove.websocket.v1", 1000).await;
+        heard_by_the_stock_client(&ground, &of_replay, "foxglove.websocket.v1", 1000, 1.0).await;
 
     let dir = ground.finish().await;
     let path = dir.path().join("logs").join(format!("{}.mcap", log.as_str().unwrap()));
     let logged = logged(&path);
     assert_runs(&heard, &logged);
     assert_runs(&replayed, &logged);
+    assert_drawn(&heard);
+    assert_drawn(&replayed);
+}
+
+/// Every frame of the rover is drawn: its links at its time, the base where the frame says.
+fn assert_drawn(heard: &Heard) {
+    let states = &heard["rover/state"];
+    assert!(heard["/tf"].len().abs_diff(states.len()) <= 1);
+    for (time, content) in &heard["/tf"] {
+        let Some((_, state)) = states.iter().find(|(at, _)| at == time) else { continue };
+        let state: Value = serde_json::from_str(state).unwrap();
+        let bytes = STANDARD.decode(content).unwrap();
+        let transforms = FrameTransforms::decode(bytes.as_slice()).unwrap().transforms;
+        assert!(transforms.len() > 37);
+        let base = transforms[0].translation.unwrap();
+        assert_eq!(json!([base.x, base.y, base.z]), state["state"]["base"]["position_m"]);
+    }
+    for topic in ["/joints", "/scene/forces"] {
+        assert!(heard[topic].len().abs_diff(states.len()) <= 1, "{topic}");
+    }
+    let derived = heard["rover/stability"].len();
+    assert!(heard["/scene/stance"].len().abs_diff(derived) <= 1);
 }
 
 async fn viewer(url: &str) -> Socket {
