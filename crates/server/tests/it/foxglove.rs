@@ -112,8 +112,8 @@ async fn ten_thousand_messages_reach_the_stock_client_as_they_stand_in_the_log()
     let ground = Ground::start().await;
     let url = format!("{}/foxglove", listening(&ground).await);
     let heard = heard_by_the_stock_client(&ground, &url, "foxglove.sdk.v1", 10_000, 60.0).await;
-    let logged = heard.iter().filter(|(topic, _)| !topic.starts_with('/'));
-    assert_eq!(logged.map(|(_, messages)| messages.len()).sum::<usize>(), 10_000);
+    let published = heard.iter().filter(|(topic, _)| !topic.starts_with('/'));
+    assert_eq!(published.map(|(_, messages)| messages.len()).sum::<usize>(), 10_000);
     assert!(heard["rover/state"].len() > 3000 && heard["rover/stability"].len() > 3000);
 
     let log = ground.get("/api/v1/logs").await.json()["logs"][0]["id"].clone();
