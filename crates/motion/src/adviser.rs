@@ -23,7 +23,7 @@ use stability::StanceGuard;
 
 use crate::answer::{Finding, Waypoint};
 use crate::check::touch_text;
-use crate::leg_space::guard_over;
+use crate::footing::Footing;
 use crate::shift::{Barrier, Freedom, Wanted};
 use crate::watch::{Stage, Stopped, Watch};
 
@@ -331,7 +331,7 @@ impl<'a> Case<'a> {
     }
 
     pub fn guard(&self, feet: &[(LegId, Point3<f64>)]) -> Option<StanceGuard> {
-        guard_over(self.scene.robot(), feet, stability::Preference::Regular)
+        Footing::regular(self.scene).guard(feet)
     }
 
     fn proposal(&self, change: Change, attempt: Attempt) -> Proposal {

@@ -90,6 +90,8 @@ pub struct StepRequest {
     pub transit_only: bool,
     /// Which loss of support must be survived.
     pub preference: Preference,
+    /// Coefficient of friction under all feet, for [`Preference::Friction`].
+    pub friction: f64,
     /// Buffers beside the tolerances.
     pub buffers: Buffers,
     /// When an edge is taken for free.
@@ -123,6 +125,7 @@ impl StepRequest {
             pair_tolerance: None,
             transit_only: false,
             preference: Preference::Regular,
+            friction: 0.7,
             buffers: Buffers::default(),
             edges: EdgeRule::Certified,
             cell: 0.20 * scale,

@@ -21,6 +21,7 @@ pub mod astar;
 pub mod check;
 mod ends;
 mod failure;
+mod footing;
 mod leg_space;
 pub mod line;
 mod nearest;

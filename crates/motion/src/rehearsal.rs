@@ -23,6 +23,7 @@ use stability::{Preference, StanceGuard};
 use crate::adviser::{
     AdviceError, AdviceOptions, Case, Margins, Motion, Place, Wish, Work, validate,
 };
+use crate::footing::Footing;
 use crate::shift::{Barrier, Wanted};
 use crate::watch::{Stage, Watch};
 use settle::settled;
@@ -230,9 +231,10 @@ impl Accident<'_> {
         let contacts: Vec<Point3<f64>> = bearing.iter().map(|(_, p)| *p).collect();
         let margin = (margin.min(rules.margin) - GIVES_WAY * robot.scale()).max(0.0);
         let kept = StanceRules { margin, settlement: 0.0, ..*rules };
+        let footing = Footing::regular(self.case.scene);
         let (Some(on_the_way), Some(wanted)) = (
             StanceGuard::new(&contacts, &kept, Preference::Regular),
-            Wanted::rule(&contacts, rules, Preference::Regular),
+            Wanted::rule(&footing.contacts(&bearing), rules, Preference::Regular),
         ) else {
             return falls();
         };

@@ -156,6 +156,7 @@ impl Case<'_> {
             standing: &place.staying,
             gravity: self.gravity,
             preference: Preference::Regular,
+            friction: 0.0,
             keep: Keep::default(),
             lift_zone: self.zone(place, stepping_from),
             drop_zone: None,

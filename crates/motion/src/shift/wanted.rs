@@ -2,28 +2,28 @@
 
 use nalgebra::{Point2, Point3};
 use rover::StanceRules;
-use stability::{Preference, StanceGuard, support_polygon};
+use stability::{ConeModel, Contact, Preference, StanceGuard, force_region, support_polygon};
 
 /// One or two margin rules over the same contacts, each with what it must have beyond itself (m).
 pub(crate) struct Wanted {
     parts: Vec<(StanceGuard, f64)>,
-    best: Option<(Point2<f64>, f64)>,
+    best: Best,
 }
 
 impl Wanted {
     /// The margin rule alone; `None` where the contacts enclose no polygon.
     pub fn rule(
-        contacts: &[Point3<f64>],
+        contacts: &[Contact],
         rules: &StanceRules,
         preference: Preference,
     ) -> Option<Wanted> {
-        let part = (StanceGuard::new(contacts, rules, preference)?, 0.0);
+        let part = (StanceGuard::over(contacts, rules, preference)?, 0.0);
+        let points: Vec<Point3<f64>> = contacts.iter().map(|c| c.position).collect();
+        let best = best_regular(&points, rules.margin);
         let best = match preference {
-            // Friction needs normals, which are not known here: callers refuse it.
-            Preference::Regular | Preference::Friction => best_regular(contacts, rules.margin),
-            Preference::Conservative => {
-                best_conservative(contacts, 0.0).or_else(|| best_regular(contacts, rules.margin))
-            }
+            Preference::Regular => best,
+            Preference::Friction => lesser(best, best_on_friction(contacts, rules.margin)),
+            Preference::Conservative => best_conservative(&points, 0.0).or(best),
         };
         Some(Wanted { parts: vec![part], best })
     }
@@ -45,13 +45,7 @@ impl Wanted {
         let mut best = best_regular(contacts, margin);
         if let Some(wanted) = conservative {
             parts.push((of(0.0, 0.0, Preference::Conservative)?, wanted));
-            let survives = best_conservative(contacts, wanted);
-            // The nearer of the two goals decides; without a region nothing can be had.
-            best = match (best, survives) {
-                (Some(a), Some(b)) => Some(if b.1 <= a.1 { b } else { a }),
-                (a, None) => a.map(|(p, _)| (p, f64::NEG_INFINITY)),
-                (None, b) => b,
-            };
+            best = lesser(best, best_conservative(contacts, wanted));
         }
         Some(Wanted { parts, best })
     }
@@ -68,12 +62,30 @@ impl Wanted {
     }
 }
 
-fn best_regular(contacts: &[Point3<f64>], margin: f64) -> Option<(Point2<f64>, f64)> {
+type Best = Option<(Point2<f64>, f64)>;
+
+/// The nearer of two goals decides; without a region for the second nothing can be had.
+fn lesser(first: Best, second: Best) -> Best {
+    match (first, second) {
+        (Some(a), Some(b)) => Some(if b.1 <= a.1 { b } else { a }),
+        (a, None) => a.map(|(p, _)| (p, f64::NEG_INFINITY)),
+        (None, b) => b,
+    }
+}
+
+fn best_on_friction(contacts: &[Contact], wanted: f64) -> Best {
+    let cones = force_region::cones(contacts, ConeModel::default()).ok()?;
+    let found = force_region::region(&cones, 1.0).ok()?;
+    let (point, depth) = found.region.area()?.deepest_point();
+    Some((point, depth - wanted.max(0.0)))
+}
+
+fn best_regular(contacts: &[Point3<f64>], margin: f64) -> Best {
     let (point, depth) = support_polygon::regular(contacts).ok()?.deepest_point();
     Some((point, depth - margin.max(0.0)))
 }
 
-fn best_conservative(contacts: &[Point3<f64>], wanted: f64) -> Option<(Point2<f64>, f64)> {
+fn best_conservative(contacts: &[Point3<f64>], wanted: f64) -> Best {
     let region = support_polygon::conservative(contacts).ok()?;
     let (point, depth) = region.area()?.deepest_point();
     Some((point, depth - wanted))
