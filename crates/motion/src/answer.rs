@@ -300,6 +300,10 @@ pub struct StepAnswer {
     pub findings: Vec<Finding>,
     /// Regular stability margin (m) along the step: (time in s, margin).
     pub margins: Vec<(f64, f64)>,
+    /// All legs on the ground at the start, with their contacts in `world` (m); empty without a path.
+    pub on_ground: Vec<(LegId, Point3<f64>)>,
+    /// The legs that stand while this one moves, likewise.
+    pub standing: Vec<(LegId, Point3<f64>)>,
     /// Work done.
     pub statistics: Statistics,
     /// Without a plan: what is in the way.

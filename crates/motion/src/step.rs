@@ -2,7 +2,7 @@
 
 use collision::{Keep, LegChecker, Scene, Survey, survey};
 use nalgebra::{Point3, Translation3};
-use rover::{Configuration, LegAngles, LegId, Posture};
+use rover::{Configuration, LegAngles, LegId, Posture, vertical_stiffness};
 use stability::{StanceGuard, rule, spring_share};
 
 use crate::answer::{
@@ -105,6 +105,8 @@ impl<'a> Planning<'a> {
             footfall: None,
             findings: Vec::new(),
             margins: Vec::new(),
+            on_ground: Vec::new(),
+            standing: Vec::new(),
             statistics: self.statistics,
             constraint: failure.constraint,
             nearest: self.nearest,
@@ -199,6 +201,8 @@ impl<'a> Planning<'a> {
             footfall: arrival.footfall,
             findings: report.findings,
             margins: report.margins,
+            on_ground: stance.on_ground,
+            standing: stance.standing,
             statistics: self.statistics,
             constraint: None,
             nearest: None,
@@ -382,7 +386,8 @@ impl<'a> Planning<'a> {
         contacts.push(footfall.contact);
         let weight = robot.mass() * self.gravity;
         let load = *spring_share(&contacts, &down.center_of_mass(robot), weight)?.last()?;
-        let depth = (load / rules.leg_stiffness).min(0.5 * rules.ground_tolerance);
+        let stiffness = vertical_stiffness(robot, &down, self.leg(), &footfall.contact);
+        let depth = (load / stiffness).min(0.5 * rules.ground_tolerance);
         let press = Translation3::from(footfall.normal.into_inner() * -depth);
         let goal = press * footfall.world_from_wheel;
         let knots = wheel_line(robot, posture, self.leg(), angles, &goal).ok()?;

@@ -15,6 +15,7 @@
 //! - [`torque`]: the joint torques that hold a posture, against their limits;
 //! - [`rule`]: all of these for one posture, and the verdict of the margin rule on them;
 //! - [`report`]: friction, forces, torque and energy of one posture;
+//! - [`margins`]: all margins over fixed contacts, for many centers of mass;
 //! - [`guard`]: that rule over fixed contacts, prepared for asking it many times.
 
 pub mod contact;
@@ -23,6 +24,7 @@ pub mod energy;
 pub mod force_region;
 pub mod guard;
 pub mod loads;
+pub mod margins;
 pub mod report;
 pub mod robust;
 pub mod rule;
@@ -35,6 +37,7 @@ pub use contact::{ConeBound, ConeModel, Contact, ContactError};
 pub use force_region::{ForceRegion, ForceSet};
 pub use guard::StanceGuard;
 pub use loads::{spring_share, spring_share_with_preload};
+pub use margins::StanceMargins;
 pub use report::ForceReport;
 pub use rule::{Check, Preference, StanceReport, Verdict, assess, assess_with_friction, verdict};
 pub use settlement::Settlement;

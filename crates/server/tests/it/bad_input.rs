@@ -152,7 +152,7 @@ fn cases() -> Vec<(&'static str, String, &'static str, &'static str)> {
         (p, "{}".into(), "missing_field", ""),
         (p, plan("\"leg\":\"leg2\""), "wrong_type", ""),
         (p, plan("\"planner\":\"magic\""), "wrong_type", "planner"),
-        (p, plan("\"stability\":\"friction\""), "not_supported", "stability"),
+        (p, plan("\"stability\":\"frictional\""), "wrong_type", "stability"),
         (p, plan("\"lift_m\":3"), "out_of_range", "lift_m"),
         (p, plan("\"budget\":0"), "out_of_range", "budget"),
         (p, plan("\"budget\":-1"), "wrong_type", "budget"),

@@ -9,6 +9,7 @@ mod degenerate;
 mod energy;
 mod guard;
 mod linear;
+mod margins;
 mod oracle;
 mod paper;
 mod properties;
