@@ -16,11 +16,6 @@ pub(crate) struct Footing<'a> {
 }
 
 impl<'a> Footing<'a> {
-    /// The regular rule, to which the ground's normals do not matter.
-    pub fn regular(scene: &'a Scene) -> Footing<'a> {
-        Footing { scene, preference: Preference::Regular, friction: 0.0 }
-    }
-
     /// The rule while nothing is lifted yet: to survive the loss of a leg is a wish about the step, but
     /// a rover that slides does so on all its feet too.
     pub fn on_all_feet(self) -> Footing<'a> {

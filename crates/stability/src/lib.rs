@@ -8,6 +8,7 @@
 //! - [`settlement`]: what is left of the margin when the ground gives way under one foot;
 //! - [`force_region`]: where the center of mass may be with limited friction and torque (H7 to H12),
 //!   and what is left of it should any one contact be lost;
+//! - [`kept_region`]: such a region of friction, kept for moving one contact at a time;
 //! - [`contact_forces`]: the smallest forces, those that spare the joints most, the slip margin;
 //! - [`energy`]: the work that it takes to tip the rover over (A28 to A32);
 //! - [`robust`]: margins with contacts that are not known exactly;
@@ -23,6 +24,7 @@ pub mod contact_forces;
 pub mod energy;
 pub mod force_region;
 pub mod guard;
+pub mod kept_region;
 pub mod loads;
 pub mod margins;
 pub mod report;
@@ -36,6 +38,7 @@ pub mod torque;
 pub use contact::{ConeBound, ConeModel, Contact, ContactError};
 pub use force_region::{ForceRegion, ForceSet};
 pub use guard::StanceGuard;
+pub use kept_region::KeptRegion;
 pub use loads::{spring_share, spring_share_with_preload};
 pub use margins::StanceMargins;
 pub use report::ForceReport;

@@ -2,7 +2,11 @@
 
 use nalgebra::{Point2, Point3};
 use rover::StanceRules;
-use stability::{ConeModel, Contact, Preference, StanceGuard, force_region, support_polygon};
+use stability::{
+    ConeModel, Contact, ForceRegion, Preference, StanceGuard, force_region, support_polygon,
+};
+
+use crate::adviser::Wish;
 
 /// One or two margin rules over the same contacts, each with what it must have beyond itself (m).
 pub(crate) struct Wanted {
@@ -28,24 +32,26 @@ impl Wanted {
         Some(Wanted { parts: vec![part], best })
     }
 
-    /// The margin rule with a regular margin of `regular` (m), or m1 if that is more, and a conservative
-    /// one of `conservative` (m) if asked for.
-    pub fn margins(
-        contacts: &[Point3<f64>],
-        rules: &StanceRules,
-        regular: f64,
-        conservative: Option<f64>,
-    ) -> Option<Wanted> {
-        let margin = regular.max(rules.margin);
+    /// The margin rule with the margins that are wished for, the regular one and that of friction at
+    /// least m1.
+    pub fn margins(contacts: &[Contact], rules: &StanceRules, wish: &Wish) -> Option<Wanted> {
+        let points: Vec<Point3<f64>> = contacts.iter().map(|c| c.position).collect();
+        let margin = wish.regular.max(rules.margin);
         let of = |margin, settlement, preference| {
             let rules = StanceRules { margin, settlement, ..*rules };
-            StanceGuard::new(contacts, &rules, preference)
+            StanceGuard::new(&points, &rules, preference)
         };
         let mut parts = vec![(of(margin, rules.settlement, Preference::Regular)?, 0.0)];
-        let mut best = best_regular(contacts, margin);
-        if let Some(wanted) = conservative {
+        let mut best = best_regular(&points, margin);
+        if let Some(wanted) = wish.conservative {
             parts.push((of(0.0, 0.0, Preference::Conservative)?, wanted));
-            best = lesser(best, best_conservative(contacts, wanted));
+            best = lesser(best, best_conservative(&points, wanted));
+        }
+        if let Some(wanted) = wish.friction {
+            let (wanted, found) = (wanted.max(rules.margin), friction_region(contacts)?);
+            let guard = of(0.0, 0.0, Preference::Regular)?.within(&found.region, wanted);
+            parts.push((guard, 0.0));
+            best = lesser(best, best_on_friction(contacts, wanted));
         }
         Some(Wanted { parts, best })
     }
@@ -73,9 +79,13 @@ fn lesser(first: Best, second: Best) -> Best {
     }
 }
 
-fn best_on_friction(contacts: &[Contact], wanted: f64) -> Best {
+fn friction_region(contacts: &[Contact]) -> Option<ForceRegion> {
     let cones = force_region::cones(contacts, ConeModel::default()).ok()?;
-    let found = force_region::region(&cones, 1.0).ok()?;
+    force_region::region(&cones, 1.0).ok()
+}
+
+fn best_on_friction(contacts: &[Contact], wanted: f64) -> Best {
+    let found = friction_region(contacts)?;
     let (point, depth) = found.region.area()?.deepest_point();
     Some((point, depth - wanted.max(0.0)))
 }

@@ -9,7 +9,10 @@ use std::sync::Arc;
 use collision::{Scene, survey, touchdowns};
 use geometry::{Grid, Raster};
 use microlp::{ComparisonOp, OptimizationDirection, Problem, Variable};
-use motion::{Outcome, Phase, StepAnswer, StepRequest, Target, Unwatched, base_between, plan_step};
+use motion::{
+    AdviceOptions, Answer, Outcome, Phase, StepAnswer, StepRequest, Target, Unwatched, Wish,
+    advise, base_between, plan_step,
+};
 use nalgebra::{Isometry3, Point2, Point3, Rotation3, UnitQuaternion, Vector2, Vector3};
 use rover::{Configuration, LegId, Posture, Robot};
 use stability::Preference;
@@ -279,4 +282,30 @@ fn friction_that_is_no_number_is_refused_in_words() {
         assert_eq!(answer.outcome, Outcome::Unstable, "{}", answer.reason);
         assert!(answer.reason.contains("friction"), "{}", answer.reason);
     }
+}
+
+#[test]
+fn the_adviser_moves_the_chassis_until_friction_has_what_is_wished_for() {
+    let (leg, friction) = (LegId(1), 0.02);
+    let (scene, start, facet) = on_a_facet(-0.6);
+    let robot = scene.robot();
+    let options =
+        AdviceOptions { fold: false, replace: false, friction, ..AdviceOptions::default() };
+    let ask =
+        |wish: &Wish| advise(&scene, &start, MOON, leg, wish, &options, &mut Unwatched).unwrap();
+    // The regular rule holds where the rover is, friction's does not.
+    assert_eq!(ask(&Wish::default()).answer, Answer::AlreadyMet);
+    let wished = 0.2;
+    let advice = ask(&Wish { friction: Some(wished), ..Wish::default() });
+    assert!(advice.before.friction.unwrap() < 0.15, "{:?}", advice.before);
+    let Answer::Proposals(proposals) = &advice.answer else { panic!("{:?}", advice.answer) };
+    let end = &proposals[0].end;
+    assert!(proposals[0].after.friction.unwrap() >= wished - 1e-9);
+    let normal = |p: Point2<f64>| facet.normal(p);
+    let staying = feet(&scene, end, &normal, Some(leg));
+    assert!(is_held_within(&staying, friction, &com(robot, end), 0.999 * wished));
+    // What no pose gives is answered by what stands in the way.
+    let far = ask(&Wish { friction: Some(3.0), ..Wish::default() });
+    let Answer::Best { missing, .. } = far.answer else { panic!("{:?}", far.answer) };
+    assert!(missing > 1.0, "{missing}");
 }

@@ -12,6 +12,7 @@ mod adviser;
 mod body_shift;
 mod final_check;
 mod friction;
+mod margins;
 mod planners;
 mod rehearsal;
 mod sbl_scenes;

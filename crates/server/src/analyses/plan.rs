@@ -17,6 +17,7 @@ use wire::convert;
 use wire::live::{BodyKnot, CommandBody, Footfall, JointKnot};
 
 use super::reachability::{LIFT_M, LIFT_RANGE_M, preference};
+use super::regions::names;
 use crate::live::hash_text;
 use crate::scene::{Context, Scene};
 use crate::stop::{Cause, Stop};
@@ -238,10 +239,8 @@ fn margins(scene: &Scene, leg: LegId, found: &StepAnswer) -> PlanMargins {
         motion::margins_along(&scene.solid, &scene.configuration, leg, found, scene.friction);
     let weight = robot.mass() * scene.gravity;
     let of = |value: fn(&MarginSample) -> Option<f64>| samples.iter().map(value).collect();
-    let name = |leg: LegId| robot.leg(leg).name.as_str();
-    let edge = |sample: &MarginSample| {
-        sample.critical.map(|[a, b]| format!("{} and {}", name(a), name(b)))
-    };
+    let name = |leg: usize| robot.legs()[leg].name.clone();
+    let edge = |sample: &MarginSample| names(&sample.critical?.map(|leg| leg.0), name);
     PlanMargins {
         time_s: samples.iter().map(|sample| sample.time).collect(),
         regular_m: of(|sample| sample.regular),

@@ -146,6 +146,7 @@ fn cases() -> Vec<(&'static str, String, &'static str, &'static str)> {
         ("analysis/posture", "{\"advice\":{\"leg\":\"leg9\"}}".into(), "leg_unknown", "advice.leg"),
         ("analysis/posture", "{\"advice\":{\"leg\":\"leg1\",\"regular_m\":-1}}".into(), "out_of_range", "advice.regular_m"),
         ("analysis/posture", "{\"advice\":{\"leg\":\"leg1\",\"conservative_m\":1e999}}".into(), "not_finite", "advice.conservative_m"),
+        ("analysis/posture", "{\"advice\":{\"leg\":\"leg1\",\"friction_m\":-1}}".into(), "out_of_range", "advice.friction_m"),
         ("analysis/posture", "{\"advice\":{\"leg\":\"leg1\",\"chassis\":\"up\"}}".into(), "wrong_type", "advice.chassis"),
         ("analysis/posture", "{\"rehearsal\":{\"settlement_m\":9}}".into(), "out_of_range", "rehearsal.settlement_m"),
         ("analysis/posture", "{\"rehearsal\":{},\"budget\":2000000}".into(), "out_of_range", "budget"),

@@ -8,6 +8,7 @@ mod contact_forces;
 mod degenerate;
 mod energy;
 mod guard;
+mod kept_region;
 mod linear;
 mod margins;
 mod oracle;

@@ -360,6 +360,6 @@ pub struct PlanMargins {
     pub energy_j: Vec<Option<f64>>,
     /// By how much the center of mass must rise for that (m).
     pub energy_m: Vec<Option<f64>>,
-    /// The legs of the nearest edge of the regular polygon, `leg2 and leg3`.
+    /// The legs of the nearest edge of the regular polygon, `leg2, leg3`.
     pub critical: Vec<Option<String>>,
 }
