@@ -396,14 +396,24 @@ pub(crate) fn outlined<'a>(
         let region = ConvexRegion::Point(middle);
         return ForceRegion { region, emptiness: None, bearing: Vec::new(), capped };
     };
-    let owners = |place: Point2<f64>| {
-        let at = places.iter().position(|p| *p == place).unwrap_or(0);
-        loaded[at].iter().filter_map(|column| owner.get(*column).copied())
-    };
-    let bearing = area
-        .edges()
-        .map(|(a, b)| {
-            let mut who: Vec<usize> = owners(a).chain(owners(b)).collect();
+    // Both go counter-clockwise: the next corner is looked for from the last one on.
+    let mut at = 0;
+    let corners: Vec<usize> = area
+        .vertices()
+        .iter()
+        .map(|corner| {
+            let on = |k: &usize| places[(at + k) % places.len()] == *corner;
+            at = (at + (0..places.len()).find(on).unwrap_or(0)) % places.len();
+            at
+        })
+        .collect();
+    let bearing = (0..corners.len())
+        .map(|i| {
+            let ends = [corners[i], corners[(i + 1) % corners.len()]];
+            let mut who = Vec::with_capacity(ends.iter().map(|end| loaded[*end].len()).sum());
+            for column in ends.iter().flat_map(|end| loaded[*end]) {
+                who.extend(owner.get(*column));
+            }
             who.sort_unstable();
             who.dedup();
             who

@@ -191,6 +191,7 @@ pub struct PlanAnswer {
     pub footfall: Option<Footfall>,
     /// Margins of stability along the plan.
     #[serde(default)]
+    #[schema(required = true)]
     pub margins: PlanMargins,
     /// Where there is no plan: which constraint is in the way, and how much is missing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
