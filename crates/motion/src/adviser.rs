@@ -19,11 +19,11 @@ mod replace;
 use collision::{Scene, survey};
 use nalgebra::Point3;
 use rover::{Configuration, LegId, Posture};
-use stability::StanceGuard;
+use stability::{Preference, StanceGuard};
 
 use crate::answer::{Finding, Waypoint};
 use crate::check::touch_text;
-use crate::leg_space::guard_over;
+use crate::footing::Footing;
 use crate::shift::{Barrier, Freedom, Wanted};
 use crate::watch::{Stage, Stopped, Watch};
 
@@ -42,6 +42,9 @@ pub struct Wish {
     pub regular: f64,
     /// The conservative margin (m), where full loss of any one more leg must be survived.
     pub conservative: Option<f64>,
+    /// The margin in the region that friction holds (m), m1 of the robot where that is more; also all
+    /// along the way m1 is then kept in it.
+    pub friction: Option<f64>,
 }
 
 /// What may change, and how much work may be done.
@@ -55,6 +58,8 @@ pub struct AdviceOptions {
     pub replace: bool,
     /// Wheel drives hold the wheels while the forks pitch, instead of brakes.
     pub drive_hold: bool,
+    /// Coefficient of friction under all feet, where a margin in its region is wished for.
+    pub friction: f64,
     /// Seed of all random numbers.
     pub seed: u64,
     /// Poses of the chassis that may be looked at, by all searches together.
@@ -68,6 +73,7 @@ impl Default for AdviceOptions {
             fold: true,
             replace: true,
             drive_hold: false,
+            friction: 0.7,
             seed: 1,
             budget: 120_000,
         }
@@ -247,7 +253,7 @@ pub(crate) fn validate(
     if leg.0 >= expected {
         return Err(AdviceError::UnknownLeg { index: leg.0 });
     }
-    for value in [Some(wish.regular), wish.conservative].into_iter().flatten() {
+    for value in [Some(wish.regular), wish.conservative, wish.friction].into_iter().flatten() {
         if !(0.0..=WISH_MAX).contains(&value) {
             return Err(AdviceError::BadWish { value });
         }
@@ -313,11 +319,10 @@ impl<'a> Case<'a> {
         if staying.len() < 3 {
             return Err(AdviceError::TooFewFeet { n_staying: staying.len() });
         }
-        let contacts: Vec<Point3<f64>> = staying.iter().map(|(_, p)| *p).collect();
-        let wish = self.wish;
-        let wanted = Wanted::margins(&contacts, robot.stance(), wish.regular, wish.conservative)
-            .ok_or(AdviceError::NoSupport)?;
-        let margins = Margins::of(robot, &posture, &staying, self.gravity);
+        let contacts = self.footing().contacts(&staying);
+        let wanted =
+            Wanted::margins(&contacts, robot.stance(), self.wish).ok_or(AdviceError::NoSupport)?;
+        let margins = Margins::of(&self.footing(), &posture, &staying, self.gravity);
         let on_the_way = self.guard(&on_ground).ok_or(AdviceError::NoSupport)?;
         Ok(Place {
             configuration: configuration.clone(),
@@ -330,8 +335,17 @@ impl<'a> Case<'a> {
         })
     }
 
+    /// The rule that holds on the way: with friction where it is wished for.
+    pub fn footing(&self) -> Footing<'a> {
+        let preference = match self.wish.friction {
+            Some(_) => Preference::Friction,
+            None => Preference::Regular,
+        };
+        Footing { scene: self.scene, preference, friction: self.options.friction }
+    }
+
     pub fn guard(&self, feet: &[(LegId, Point3<f64>)]) -> Option<StanceGuard> {
-        guard_over(self.scene.robot(), feet, stability::Preference::Regular)
+        self.footing().guard(feet)
     }
 
     fn proposal(&self, change: Change, attempt: Attempt) -> Proposal {

@@ -90,6 +90,8 @@ pub struct StepRequest {
     pub transit_only: bool,
     /// Which loss of support must be survived.
     pub preference: Preference,
+    /// Coefficient of friction under all feet, for [`Preference::Friction`].
+    pub friction: f64,
     /// Buffers beside the tolerances.
     pub buffers: Buffers,
     /// When an edge is taken for free.
@@ -123,6 +125,7 @@ impl StepRequest {
             pair_tolerance: None,
             transit_only: false,
             preference: Preference::Regular,
+            friction: 0.7,
             buffers: Buffers::default(),
             edges: EdgeRule::Certified,
             cell: 0.20 * scale,
@@ -297,6 +300,10 @@ pub struct StepAnswer {
     pub findings: Vec<Finding>,
     /// Regular stability margin (m) along the step: (time in s, margin).
     pub margins: Vec<(f64, f64)>,
+    /// All legs on the ground at the start, with their contacts in `world` (m); empty without a path.
+    pub on_ground: Vec<(LegId, Point3<f64>)>,
+    /// The legs that stand while this one moves, likewise.
+    pub standing: Vec<(LegId, Point3<f64>)>,
     /// Work done.
     pub statistics: Statistics,
     /// Without a plan: what is in the way.

@@ -13,6 +13,7 @@ use stability::rule::{self, Preference};
 
 use crate::advance::Advance;
 use crate::answer::{Finding, Phase, Waypoint};
+use crate::footing::Footing;
 
 /// Most between two configurations looked at, and between two whose stability is (rad, largest joint).
 const STEP: f64 = 0.03;
@@ -61,6 +62,8 @@ pub struct CheckContext<'a> {
     pub gravity: f64,
     /// Which loss of support must be survived.
     pub preference: Preference,
+    /// Coefficient of friction under all feet, for [`Preference::Friction`].
+    pub friction: f64,
     /// Clearances that are kept.
     pub keep: Keep,
     /// Where the wheel may touch while it is lifted.
@@ -69,6 +72,12 @@ pub struct CheckContext<'a> {
     pub drop_zone: Option<ContactZone>,
     /// Only collisions and limits: the transit alone was asked for.
     pub transit_only: bool,
+}
+
+impl<'a> CheckContext<'a> {
+    fn footing(&self) -> Footing<'a> {
+        Footing { scene: self.scene, preference: self.preference, friction: self.friction }
+    }
 }
 
 /// What the check says: findings, and the regular margin over time.
@@ -169,12 +178,12 @@ impl Seen {
         context: &CheckContext,
         posture: &Posture,
         standing: &[(LegId, Point3<f64>)],
-        preference: Preference,
+        footing: Footing,
         time: f64,
     ) {
         let robot = context.scene.robot();
-        let report = rule::assess(robot, posture, standing, context.gravity);
-        let verdict = rule::verdict(&report, robot.stance(), preference);
+        let report = footing.assess(posture, standing, context.gravity);
+        let verdict = rule::verdict(&report, robot.stance(), footing.preference);
         if let Ok(support) = &report.regular {
             self.margins.push((time, support.margin.depth_m));
             let legs = support.critical.map(|leg| robot.leg(leg).name.clone()).join(" and ");
@@ -287,7 +296,7 @@ impl Walk<'_> {
         let context = self.context;
         if !context.transit_only {
             let standing = context.standing;
-            self.seen.stability_of(context, &self.posture, standing, context.preference, time);
+            self.seen.stability_of(context, &self.posture, standing, context.footing(), time);
         }
     }
 
@@ -328,7 +337,8 @@ fn look_along_shift(context: &CheckContext, waypoints: &[&Waypoint], seen: &mut 
             }
             let posture = Posture::new(robot, &here);
             look_at_body(context, &posture, &at_start, seen, time);
-            seen.stability_of(context, &posture, &contacts, Preference::Regular, time);
+            let footing = context.footing().on_all_feet();
+            seen.stability_of(context, &posture, &contacts, footing, time);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The free space of one leg over real ground: limits, collisions, tolerances, stability.
 
 use collision::{Allowance, Certificate, Certifier, ContactZone, LegChecker, Violation};
-use nalgebra::{Isometry3, Point3};
+use nalgebra::Isometry3;
 use rover::{LegAngles, Posture, Robot};
 use stability::StanceGuard;
 
@@ -198,14 +198,4 @@ impl WheelSpace for LegSpace<'_> {
         let within = found.iter().flatten().filter(|solution| solution.within_limits);
         within.map(|solution| solution.angles).collect()
     }
-}
-
-/// The margin rule over these feet; `None` where they enclose no support polygon.
-pub(crate) fn guard_over(
-    robot: &Robot,
-    standing: &[(rover::LegId, Point3<f64>)],
-    preference: stability::Preference,
-) -> Option<StanceGuard> {
-    let contacts: Vec<Point3<f64>> = standing.iter().map(|(_, p)| *p).collect();
-    StanceGuard::new(&contacts, robot.stance(), preference)
 }

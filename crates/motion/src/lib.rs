@@ -21,8 +21,10 @@ pub mod astar;
 pub mod check;
 mod ends;
 mod failure;
+mod footing;
 mod leg_space;
 pub mod line;
+mod margins;
 mod nearest;
 pub mod planner;
 pub mod rehearsal;
@@ -45,6 +47,7 @@ pub use answer::{
     Buffers, Constraint, EdgeRule, Finding, Footfall, Outcome, PathPlanner, Phase, Planner,
     Statistics, StepAnswer, StepRequest, Target, Waypoint,
 };
+pub use margins::{MOST_SAMPLES, MarginSample, margins_along};
 pub use rehearsal::{Aftermath, LegRehearsal, Rehearsal, RehearsalOptions, WayBack, rehearse};
 pub use shift::{
     Barrier, BodyClear, CertifiedBody, Freedom, NoShift, SampledBody, ShiftPlan, ShiftRequest,

@@ -177,7 +177,7 @@ impl Accident<'_> {
         staying.retain(|(leg, _)| *leg != self.case.leg);
         let robot = self.case.scene.robot();
         let posture = Posture::new(robot, self.start);
-        let now = Margins::of(robot, &posture, &staying, self.case.gravity);
+        let now = Margins::of(&self.case.footing(), &posture, &staying, self.case.gravity);
         let margin = now.regular;
         let tips_over = margin.is_none_or(|margin| margin < 0.0);
         let way_back = match margin {
@@ -205,7 +205,7 @@ impl Accident<'_> {
         let rules = StanceRules { settlement, ..*self.rules() };
         let holds = StanceGuard::new(&contacts, &rules, Preference::Regular)
             .is_some_and(|guard| guard.spare(&com) >= 0.0);
-        let now = Margins::of(robot, &posture, self.feet, self.case.gravity);
+        let now = Margins::of(&self.case.footing(), &posture, self.feet, self.case.gravity);
         let way_back = match now.regular {
             _ if holds => WayBack::NotNeeded,
             Some(margin) if margin >= 0.0 => {
@@ -230,9 +230,10 @@ impl Accident<'_> {
         let contacts: Vec<Point3<f64>> = bearing.iter().map(|(_, p)| *p).collect();
         let margin = (margin.min(rules.margin) - GIVES_WAY * robot.scale()).max(0.0);
         let kept = StanceRules { margin, settlement: 0.0, ..*rules };
+        let footing = self.case.footing();
         let (Some(on_the_way), Some(wanted)) = (
             StanceGuard::new(&contacts, &kept, Preference::Regular),
-            Wanted::rule(&contacts, rules, Preference::Regular),
+            Wanted::rule(&footing.contacts(&bearing), rules, Preference::Regular),
         ) else {
             return falls();
         };

@@ -17,12 +17,13 @@ mod wanted;
 use collision::Scene;
 use nalgebra::{Isometry3, Point3};
 use rover::{Configuration, LegId};
-use stability::{Preference, StanceGuard};
+use stability::Preference;
 
 pub use barrier::Barrier;
 pub use body::{BodyClear, CertifiedBody, SampledBody};
 pub use executed::{Executed, base_between, closure_error};
 
+use crate::footing::Footing;
 use crate::watch::Watch;
 pub(crate) use chain::ClosedChain;
 pub(crate) use reach::{Reached, Shift};
@@ -44,6 +45,8 @@ pub struct ShiftRequest<'a> {
     pub lifted: LegId,
     /// Which loss of support must be survived.
     pub preference: Preference,
+    /// Coefficient of friction under all feet, for [`Preference::Friction`].
+    pub friction: f64,
     /// What the end must have to spare beyond the rule (m).
     pub wanted_spare: f64,
     /// Wheel drives hold the wheels while the forks pitch, instead of brakes.
@@ -71,6 +74,7 @@ impl<'a> ShiftRequest<'a> {
             standing,
             lifted,
             preference: Preference::Regular,
+            friction: 0.7,
             wanted_spare: 0.02 * scale,
             drive_hold: false,
             closure: CLOSURE * scale,
@@ -141,12 +145,16 @@ pub fn plan_shift(
         return Err(none("the request names legs that the robot does not have"));
     }
     let contacts: Vec<Point3<f64>> = request.standing.iter().map(|(_, p)| *p).collect();
-    let staying: Vec<Point3<f64>> =
-        request.standing.iter().filter(|(l, _)| *l != request.lifted).map(|(_, p)| *p).collect();
-    // On all feet nothing is lifted yet: the wish to survive a full loss is about the step.
+    let mut staying = request.standing.to_vec();
+    staying.retain(|(leg, _)| *leg != request.lifted);
+    let footing = Footing {
+        scene: request.scene,
+        preference: request.preference,
+        friction: request.friction,
+    };
     let (Some(all), Some(staying)) = (
-        StanceGuard::new(&contacts, robot.stance(), Preference::Regular),
-        Wanted::rule(&staying, robot.stance(), request.preference),
+        footing.on_all_feet().guard(request.standing),
+        Wanted::rule(&footing.contacts(&staying), robot.stance(), request.preference),
     ) else {
         return Err(none("the feet enclose no support polygon"));
     };

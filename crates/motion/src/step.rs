@@ -2,8 +2,8 @@
 
 use collision::{Keep, LegChecker, Scene, Survey, survey};
 use nalgebra::{Point3, Translation3};
-use rover::{Configuration, LegAngles, LegId, Posture};
-use stability::{Preference, StanceGuard, rule, spring_share};
+use rover::{Configuration, LegAngles, LegId, Posture, vertical_stiffness};
+use stability::{StanceGuard, rule, spring_share};
 
 use crate::answer::{
     EdgeRule, Footfall, Outcome, Phase, Statistics, StepAnswer, StepRequest, Target, Waypoint,
@@ -11,7 +11,8 @@ use crate::answer::{
 use crate::check::{CheckContext, check_step, touch_text};
 use crate::ends::{Arrival, Departure};
 use crate::failure::{Failure, Teller};
-use crate::leg_space::{LegSpace, guard_over};
+use crate::footing::Footing;
+use crate::leg_space::LegSpace;
 use crate::line::wheel_line;
 use crate::shift::{CertifiedBody, SampledBody, ShiftRequest, plan_shift};
 use crate::space::Space;
@@ -87,6 +88,11 @@ impl<'a> Planning<'a> {
         self.shift.last().unwrap_or(self.start)
     }
 
+    fn footing(&self) -> Footing<'a> {
+        let StepRequest { preference, friction, .. } = *self.request;
+        Footing { scene: self.scene, preference, friction }
+    }
+
     pub fn angles(&self) -> LegAngles {
         self.stepping_from().legs[self.leg().0]
     }
@@ -99,6 +105,8 @@ impl<'a> Planning<'a> {
             footfall: None,
             findings: Vec::new(),
             margins: Vec::new(),
+            on_ground: Vec::new(),
+            standing: Vec::new(),
             statistics: self.statistics,
             constraint: failure.constraint,
             nearest: self.nearest,
@@ -115,7 +123,7 @@ impl<'a> Planning<'a> {
             None => at_start,
         };
         let robot = self.scene.robot().clone();
-        let guard = guard_over(&robot, &stance.standing, self.request.preference);
+        let guard = self.footing().guard(&stance.standing);
         let scene = self.scene;
         let contact = self.contact(&posture, stance.seen.as_ref());
         let keep = self.keep(&posture, contact.as_ref());
@@ -170,6 +178,7 @@ impl<'a> Planning<'a> {
                 standing: &stance.standing,
                 gravity: self.gravity,
                 preference: self.request.preference,
+                friction: self.request.friction,
                 keep,
                 lift_zone: departure.zone,
                 drop_zone: arrival.zone,
@@ -192,6 +201,8 @@ impl<'a> Planning<'a> {
             footfall: arrival.footfall,
             findings: report.findings,
             margins: report.margins,
+            on_ground: stance.on_ground,
+            standing: stance.standing,
             statistics: self.statistics,
             constraint: None,
             nearest: None,
@@ -242,11 +253,11 @@ impl<'a> Planning<'a> {
         let mut standing = on_ground.clone();
         standing.retain(|(leg, _)| *leg != self.leg());
         let robot = self.scene.robot();
-        let guard = guard_over(robot, &standing, self.request.preference);
+        let guard = self.footing().guard(&standing);
         if guard.is_some_and(|guard| guard.spare(&posture.center_of_mass(robot)) >= 0.0) {
             return Ok(Stance { seen: Some(seen), on_ground, standing });
         }
-        let report = rule::assess(robot, posture, &standing, self.gravity);
+        let report = self.footing().assess(posture, &standing, self.gravity);
         let verdict = rule::verdict(&report, robot.stance(), self.request.preference);
         let missing = verdict.shortfall_m;
         let text =
@@ -280,6 +291,7 @@ impl<'a> Planning<'a> {
         watch.entered(Stage::Shift);
         let request = ShiftRequest {
             preference: self.request.preference,
+            friction: self.request.friction,
             drive_hold: self.request.drive_hold,
             seed: self.request.seed,
             ..ShiftRequest::new(self.scene, self.start, on_ground, self.leg())
@@ -374,7 +386,8 @@ impl<'a> Planning<'a> {
         contacts.push(footfall.contact);
         let weight = robot.mass() * self.gravity;
         let load = *spring_share(&contacts, &down.center_of_mass(robot), weight)?.last()?;
-        let depth = (load / rules.leg_stiffness).min(0.5 * rules.ground_tolerance);
+        let stiffness = vertical_stiffness(robot, &down, self.leg(), &footfall.contact);
+        let depth = (load / stiffness).min(0.5 * rules.ground_tolerance);
         let press = Translation3::from(footfall.normal.into_inner() * -depth);
         let goal = press * footfall.world_from_wheel;
         let knots = wheel_line(robot, posture, self.leg(), angles, &goal).ok()?;
@@ -398,7 +411,7 @@ impl<'a> Planning<'a> {
         let mut waypoints: Vec<Waypoint> = Vec::new();
         if self.shift.len() > 1 {
             let legs: Vec<LegId> = on_ground.iter().map(|(leg, _)| *leg).collect();
-            let all = guard_over(robot, on_ground, Preference::Regular);
+            let all = self.footing().on_all_feet().guard(on_ground);
             let timed =
                 time_body_path(robot, &self.shift, &legs, all.as_ref(), self.gravity, &limits)?;
             waypoints.extend(self.shift.iter().zip(timed.times()).map(|(knot, time)| Waypoint {

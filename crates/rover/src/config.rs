@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
+use crate::compliance::Compliance;
 use crate::model::ModelError;
+use crate::posture::LegAngles;
 
 /// How fast the robot moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,6 +27,9 @@ const STANDARD_GRAVITY: f64 = 9.80665;
 /// reach, where `robot.toml` gives no stiffness: 0.10 m for `athlete` (F83).
 const NOMINAL_DEFLECTION: f64 = 0.044;
 
+/// How well stiffness is known where `robot.toml` does not say it.
+const STIFFNESS_ERROR: f64 = 0.2;
+
 /// When a wheel stands, and what a step must keep.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StanceRules {
@@ -40,7 +45,8 @@ pub struct StanceRules {
     pub contact_height: f64,
     /// Largest tilt of the axle against the ground at touch-down (rad).
     pub camber_limit: f64,
-    /// Vertical stiffness of a leg with its tyre: load over deflection (N/m).
+    /// Vertical stiffness of a leg with its tire, load over deflection (N/m): one figure for all legs
+    /// and postures. Where joints and tire are told, that of the first named pose, by alphabet.
     pub leg_stiffness: f64,
 }
 
@@ -99,6 +105,8 @@ pub(crate) struct RobotToml {
     stance: StanceToml,
     tolerances: TolerancesToml,
     #[serde(default)]
+    compliance: ComplianceToml,
+    #[serde(default)]
     poses: BTreeMap<String, PoseToml>,
     pub legs: Vec<LegToml>,
 }
@@ -131,6 +139,15 @@ struct TolerancesToml {
     base_wheel_m: f64,
     leg_leg_m: f64,
     environment_m: f64,
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields)]
+struct ComplianceToml {
+    joint_stiffness_nm_rad: Option<Vec<f64>>,
+    tire_stiffness_n_m: Option<f64>,
+    stiffness_error: Option<f64>,
+    touchdown_error_m: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -183,7 +200,7 @@ impl RobotToml {
     }
 
     fn check(&self) -> Result<(), ModelError> {
-        let (m, s, t) = (&self.motion, &self.stance, &self.tolerances);
+        let (m, s, t, c) = (&self.motion, &self.stance, &self.tolerances, &self.compliance);
         let positive = [
             ("motion.joint_speed_rad_s", m.joint_speed_rad_s),
             ("stance.ground_tolerance_m", s.ground_tolerance_m),
@@ -200,6 +217,7 @@ impl RobotToml {
             ("tolerances.base_wheel_m", t.base_wheel_m),
             ("tolerances.leg_leg_m", t.leg_leg_m),
             ("tolerances.environment_m", t.environment_m),
+            ("compliance.touchdown_error_m", c.touchdown_error_m.unwrap_or(0.0)),
         ];
         let sizes = self.legs.iter().flat_map(|leg| {
             [
@@ -208,11 +226,22 @@ impl RobotToml {
                 ("legs.foot_radius_m", leg.foot_radius_m),
             ]
         });
+        if c.tire_stiffness_n_m.is_some() && c.joint_stiffness_nm_rad.is_none() {
+            return Err(ModelError::TireAlone);
+        }
+        let joints = c.joint_stiffness_nm_rad.iter().flatten();
+        let joints = joints.map(|k| ("compliance.joint_stiffness_nm_rad", Some(*k)));
+        let error = c.stiffness_error.unwrap_or(STIFFNESS_ERROR);
+        if !(0.0..1.0).contains(&error) {
+            return Err(ModelError::StiffnessError { value: error });
+        }
         let optional = [
+            ("compliance.tire_stiffness_n_m", c.tire_stiffness_n_m),
             ("motion.joint_acceleration_rad_s2", m.joint_acceleration_rad_s2),
             ("stance.leg_stiffness_n_m", s.leg_stiffness_n_m),
         ];
-        let given = sizes.chain(optional).filter_map(|(field, value)| Some((field, value?)));
+        let given =
+            sizes.chain(optional).chain(joints).filter_map(|(field, value)| Some((field, value?)));
         for (field, value) in positive.into_iter().chain(given) {
             if !(value.is_finite() && value > 0.0) {
                 return Err(ModelError::NotPositive { field, value });
@@ -251,6 +280,33 @@ impl RobotToml {
                 if stiffness.is_finite() && stiffness > 0.0 { stiffness } else { 1.0 }
             }),
         }
+    }
+
+    /// Springs for legs of so many joints; the error names a leg with another number. Where the single
+    /// figure for a whole leg is given, it stands.
+    pub(crate) fn compliance<'a>(
+        &self,
+        mut legs: impl Iterator<Item = (&'a str, usize)>,
+    ) -> Result<Compliance, ModelError> {
+        let c = &self.compliance;
+        let joints = c.joint_stiffness_nm_rad.as_deref();
+        let n_joints = joints.map_or(0, <[f64]>::len);
+        if joints.is_some()
+            && let Some((leg, wanted)) = legs.find(|(_, n)| *n != n_joints)
+        {
+            return Err(ModelError::JointStiffness { n_joints, leg: leg.into(), wanted });
+        }
+        let joints = joints.filter(|_| self.stance.leg_stiffness_n_m.is_none());
+        let springs = joints.map(|given| {
+            // A leg has no joints beyond its own.
+            let by_place = LegAngles::from_fn(|i, _| given.get(i).copied().unwrap_or(1.0));
+            (by_place, c.tire_stiffness_n_m.unwrap_or(f64::INFINITY))
+        });
+        Ok(Compliance {
+            springs,
+            stiffness_error: c.stiffness_error.unwrap_or(STIFFNESS_ERROR),
+            touchdown_error: c.touchdown_error_m,
+        })
     }
 
     pub(crate) fn tolerances(&self) -> Tolerances {

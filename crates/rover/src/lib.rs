@@ -16,6 +16,7 @@
 //! - [`Mesh`]: the triangles of a link's mesh, and its connected components.
 
 mod chain;
+mod compliance;
 mod config;
 mod ik;
 mod mesh;
@@ -28,6 +29,7 @@ mod urdf;
 mod wheel;
 
 pub use chain::{Frame, LegChain, LegFrames, place_of};
+pub use compliance::{Compliance, leg_compliance, vertical_stiffness};
 pub use config::{MotionLimits, StanceRules, Tolerances};
 pub use ik::{
     Branch, FootTarget, IkSolution, IkSolutions, LegIk, LegSolver, MAX_SOLUTIONS, NoSolution,

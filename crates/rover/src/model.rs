@@ -2,10 +2,11 @@
 
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 
+use crate::compliance::{Compliance, vertical_stiffness};
 use crate::config::{FootToml, LegToml, MotionLimits, RobotToml, StanceRules, Tolerances};
 use crate::ik::{Chain, ChainJoint, LegIk, LegSolver, NumericalIk};
 use crate::mesh::MeshError;
-use crate::posture::{Configuration, LegAngles};
+use crate::posture::{Configuration, LegAngles, Posture};
 use crate::shape::{LinkShape, Shape, scaled_isometry};
 use crate::urdf;
 use crate::wheel::Wheel;
@@ -171,6 +172,16 @@ pub enum ModelError {
     NotPositive { field: &'static str, value: f64 },
     #[error("robot.toml: {field} is {value}, but must be finite and not negative")]
     Negative { field: &'static str, value: f64 },
+    #[error(
+        "robot.toml: compliance.joint_stiffness_nm_rad has {n_joints} values, but {leg:?} has {wanted} joints"
+    )]
+    JointStiffness { n_joints: usize, leg: String, wanted: usize },
+    #[error(
+        "robot.toml: compliance.tire_stiffness_n_m needs compliance.joint_stiffness_nm_rad beside it"
+    )]
+    TireAlone,
+    #[error("robot.toml: compliance.stiffness_error is {value}, but must be 0 or more and below 1")]
+    StiffnessError { value: f64 },
     #[error("the URDF has {bytes} bytes; the limit is {limit}")]
     UrdfTooLarge { bytes: usize, limit: usize },
     #[error("the URDF holds a document type or an entity; remove it")]
@@ -272,6 +283,7 @@ pub struct Robot {
     bodies: Vec<Option<(LegId, usize)>>,
     motion: MotionLimits,
     stance: StanceRules,
+    compliance: Compliance,
     tolerances: Tolerances,
     poses: Vec<(String, LegAngles)>,
     scale: f64,
@@ -305,6 +317,7 @@ impl Robot {
             legs: Vec::new(),
             motion: config.motion(),
             stance: config.stance(0.0, 1.0),
+            compliance: config.compliance(std::iter::empty())?,
             tolerances: config.tolerances(),
             poses: Vec::new(),
             scale: 1.0,
@@ -324,7 +337,25 @@ impl Robot {
             let angles = robot.pose_from(name, joints)?;
             robot.poses.push((name.into(), angles));
         }
+        let legs = robot.legs.iter().map(|leg| (leg.name.as_str(), leg.n_joints()));
+        robot.compliance = config.compliance(legs)?;
+        robot.stance.leg_stiffness = robot.mean_stiffness();
         Ok(robot)
+    }
+
+    /// The mean vertical stiffness of the legs in the first named pose (N/m), where it follows from
+    /// their joints.
+    fn mean_stiffness(&self) -> f64 {
+        let pose = self.poses.first().and_then(|(name, _)| self.pose(name));
+        let Some(pose) = pose.filter(|_| self.compliance.springs.is_some()) else {
+            return self.stance.leg_stiffness;
+        };
+        let posture = Posture::new(self, &pose);
+        let stiffness = |leg: LegId| {
+            let contact = posture.wheel(self, leg).lowest_point(&Vector3::z_axis());
+            vertical_stiffness(self, &posture, leg, &contact)
+        };
+        self.leg_ids().map(stiffness).sum::<f64>() / self.legs.len() as f64
     }
 
     fn pose_from(&self, pose: &str, joints: &[f64]) -> Result<LegAngles, ModelError> {
@@ -543,6 +574,10 @@ impl Robot {
             leg.ik = leg.ik.scaled(scale);
         }
         robot.stance = self.stance.scaled(scale);
+        let prismatic: Vec<usize> = self.legs.first().map_or_else(Vec::new, |leg| {
+            self.prismatic_places(leg).map(|(place, _)| place).collect()
+        });
+        robot.compliance = self.compliance.scaled(scale, |place| prismatic.contains(&place));
         robot.tolerances = self.tolerances.scaled(scale);
         robot.scale = self.scale * scale;
         robot.hash = fnv1a(self.hash, &scale.to_bits().to_le_bytes());
@@ -661,6 +696,11 @@ impl Robot {
     /// When a wheel stands, and what a step must keep.
     pub fn stance(&self) -> &StanceRules {
         &self.stance
+    }
+
+    /// How legs give way under load.
+    pub fn compliance(&self) -> &Compliance {
+        &self.compliance
     }
 
     /// Clearance that planned motion keeps.

@@ -43,7 +43,6 @@ pub const CODES: &[(&str, u16, &str)] = &[
     ("terrain_file_invalid", 422, "a terrain file that cannot be used"),
     ("file_name_invalid", 422, "a file name that is not a plain name"),
     ("file_too_large", 413, "an upload larger than is taken"),
-    ("not_supported", 422, "something that this version does not do yet"),
     ("request_unreadable", 422, "a request file that cannot be read (command line)"),
     ("config_invalid", 422, "a configuration that cannot be used (command line)"),
     ("output_unwritable", 422, "a file that cannot be written (command line)"),

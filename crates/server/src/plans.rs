@@ -228,7 +228,7 @@ mod tests {
         let answer = json!({
             "outcome": "found", "leg": "leg2", "waypoints": [waypoint], "findings": [],
             "commands": [command("shift", &shift), command("lift", &lift), command("drop", &drop)],
-            "statistics": statistics, "margins": [], "retreat": [],
+            "statistics": statistics, "retreat": [],
             "basis": { "state_hash": "", "terrain_version": "t", "model_hash": "m", "seed": 1,
                        "version": "" }
         });

@@ -9,7 +9,9 @@ use nalgebra::{Isometry3, Point3, Unit, Vector3};
 use rover::{Configuration, LegId, Posture, Robot};
 use stability::contact_forces::{LegStatics, least_torque};
 use stability::force_region::{cones, conservative, region};
-use stability::{ConeModel, Contact, ContactError, energy, report, support_polygon};
+use stability::{
+    ConeModel, Contact, ContactError, ForceSet, KeptRegion, energy, report, support_polygon,
+};
 
 /// Six contacts near the corners of a hexagon of 2.2 m radius, on uneven ground.
 fn contacts() -> Vec<Contact> {
@@ -112,6 +114,28 @@ fn polygons(c: &mut Criterion) {
     });
     group.bench_function("friction region", |b| {
         b.iter(|| region(&cones(black_box(&contacts), cone)?, 1.0));
+    });
+    // One foot goes to and fro: the same sets, kept and anew.
+    let middle = Point3::from(points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / 6.0);
+    let set = |c: &Contact| ForceSet::cone(c, &middle, cone);
+    let ends = [0.0, 0.15].map(|shift| {
+        let position = contacts[2].position + Vector3::new(shift, -0.5 * shift, 0.2 * shift);
+        set(&Contact { position, ..contacts[2] })
+    });
+    let mut sets: Vec<ForceSet> = contacts.iter().map(set).collect();
+    let mut turns = ends.iter().cycle();
+    group.bench_function("friction region with one foot moved, all anew (baseline)", |b| {
+        b.iter(|| {
+            sets[2] = turns.next().cloned().unwrap_or_else(|| ends[0].clone());
+            region(black_box(&sets), 1.0)
+        });
+    });
+    let mut kept = KeptRegion::new(sets.clone()).expect("the contacts are sound");
+    group.bench_function("friction region with one foot moved, kept", |b| {
+        b.iter(|| {
+            let set = turns.next().cloned().unwrap_or_else(|| ends[0].clone());
+            black_box(&mut kept).moved(2, set).map(|found| found.bearing.len())
+        });
     });
     group.bench_function("friction region that survives any loss", |b| {
         b.iter(|| conservative(&cones(black_box(&contacts), cone)?, 1.0));

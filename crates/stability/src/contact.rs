@@ -17,6 +17,14 @@ pub enum ContactError {
     /// Nothing stands.
     #[error("there is no contact")]
     NoContacts,
+    /// A contact that is not there.
+    #[error("there is no contact {contact} (counted from 0) among {n_contacts}")]
+    NoContact {
+        /// The contact asked for.
+        contact: usize,
+        /// How many there are.
+        n_contacts: usize,
+    },
     /// More than [`MAX_CONTACTS`].
     #[error("{n_contacts} contacts are more than the {MAX_CONTACTS} that a stance may have")]
     TooManyContacts {

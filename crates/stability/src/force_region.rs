@@ -259,7 +259,7 @@ fn bearing_of(regions: &[ForceRegion], point: Point2<f64>) -> Vec<usize> {
         .map_or_else(Vec::new, |(_, bearing)| bearing.clone())
 }
 
-fn check(sets: &[ForceSet], weight: f64) -> Result<(), ContactError> {
+pub(crate) fn check(sets: &[ForceSet], weight: f64) -> Result<(), ContactError> {
     let n_contacts = sets.len();
     if n_contacts == 0 {
         return Err(ContactError::NoContacts);
@@ -289,6 +289,14 @@ struct Balance {
     right_side: Vec<f64>,
 }
 
+/// What a force at `p` gives to the balances of forces and of the twist and takes of the cap, and
+/// where it puts the center of mass.
+pub(crate) fn unit_force(p: &Vector3<f64>, force: &Vector3<f64>) -> ([f64; 5], [f64; 2]) {
+    let moment = p.cross(force);
+    let balance = [force.x, force.y, force.z, moment.z, force.norm() / FORCE_CAP];
+    (balance, [-moment.y, moment.x])
+}
+
 impl Balance {
     fn new(sets: &[&ForceSet], weight: f64) -> Balance {
         let center = contact::center(sets.iter().map(|set| set.position));
@@ -306,16 +314,14 @@ impl Balance {
         right_side.resize(rows, 1.0);
         let (mut columns, mut owner) = (Vec::new(), Vec::new());
         for (i, set) in sets.iter().enumerate() {
-            let p = (set.position - center) / size;
             let mut add = |force: Vector3<f64>, corner: bool| {
-                let moment = p.cross(&force);
+                let (balance, place) = unit_force(&((set.position - center) / size), &force);
                 let mut rows = vec![0.0; rows];
-                rows[..4].copy_from_slice(&[force.x, force.y, force.z, moment.z]);
-                rows[4] = force.norm() / FORCE_CAP;
+                rows[..5].copy_from_slice(&balance);
                 if corner {
                     rows[5 + bounded.iter().position(|b| *b == i).unwrap_or(0)] = 1.0;
                 }
-                columns.push((rows, [-moment.y, moment.x]));
+                columns.push((rows, place));
                 owner.push(i);
             };
             set.rays.iter().for_each(|ray| add(ray.normalize(), false));
@@ -349,7 +355,7 @@ impl Balance {
     }
 }
 
-fn region_of(sets: &[&ForceSet], weight: f64) -> ForceRegion {
+pub(crate) fn region_of(sets: &[&ForceSet], weight: f64) -> ForceRegion {
     let balance = Balance::new(sets, weight);
     let mut program = balance.program();
     if program.find_feasible().is_err() {
@@ -360,7 +366,8 @@ fn region_of(sets: &[&ForceSet], weight: f64) -> ForceRegion {
         Ok(outline) => outline,
         Err(_) => sampled(&program),
     };
-    outlined(&balance, &outline)
+    let outline = outline.iter().map(|v| (balance.place(v.at), v.loaded.as_slice()));
+    outlined(outline, &balance.owner)
 }
 
 /// Vertices in some directions: a region that is no larger than the true one.
@@ -374,10 +381,14 @@ fn sampled(program: &Tableau) -> Vec<ShadowVertex> {
         .collect()
 }
 
-fn outlined(balance: &Balance, outline: &[ShadowVertex]) -> ForceRegion {
-    let places: Vec<Point2<f64>> = outline.iter().map(|v| balance.place(v.at)).collect();
-    let cap = balance.owner.len();
-    let capped = outline.iter().any(|v| !v.loaded.contains(&cap));
+/// The region of an outline: its vertices (m) with the unit forces that are loaded there. `owner` is
+/// the contact of each unit force; the one after the last is what is left of the cap.
+pub(crate) fn outlined<'a>(
+    outline: impl Iterator<Item = (Point2<f64>, &'a [usize])>,
+    owner: &[usize],
+) -> ForceRegion {
+    let (places, loaded): (Vec<Point2<f64>>, Vec<&[usize]>) = outline.unzip();
+    let capped = loaded.iter().any(|loaded| !loaded.contains(&owner.len()));
     let Some(area) = ConvexPolygon::hull(places.clone()) else {
         let middle = Point2::from(
             places.iter().map(|p| p.coords).sum::<nalgebra::Vector2<f64>>() / places.len() as f64,
@@ -385,14 +396,24 @@ fn outlined(balance: &Balance, outline: &[ShadowVertex]) -> ForceRegion {
         let region = ConvexRegion::Point(middle);
         return ForceRegion { region, emptiness: None, bearing: Vec::new(), capped };
     };
-    let owners = |place: Point2<f64>| {
-        let at = places.iter().position(|p| *p == place).unwrap_or(0);
-        outline[at].loaded.iter().filter_map(|column| balance.owner.get(*column).copied())
-    };
-    let bearing = area
-        .edges()
-        .map(|(a, b)| {
-            let mut who: Vec<usize> = owners(a).chain(owners(b)).collect();
+    // Both go counter-clockwise: the next corner is looked for from the last one on.
+    let mut at = 0;
+    let corners: Vec<usize> = area
+        .vertices()
+        .iter()
+        .map(|corner| {
+            let on = |k: &usize| places[(at + k) % places.len()] == *corner;
+            at = (at + (0..places.len()).find(on).unwrap_or(0)) % places.len();
+            at
+        })
+        .collect();
+    let bearing = (0..corners.len())
+        .map(|i| {
+            let ends = [corners[i], corners[(i + 1) % corners.len()]];
+            let mut who = Vec::with_capacity(ends.iter().map(|end| loaded[*end].len()).sum());
+            for column in ends.iter().flat_map(|end| loaded[*end]) {
+                who.extend(owner.get(*column));
+            }
             who.sort_unstable();
             who.dedup();
             who

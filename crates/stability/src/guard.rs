@@ -22,6 +22,8 @@ use geometry::{ConvexPolygon, ConvexRegion};
 use nalgebra::{Isometry3, Point2, Point3, Vector3};
 use rover::StanceRules;
 
+use crate::contact::{ConeModel, Contact};
+use crate::force_region::{self, ForceRegion};
 use crate::rule::Preference;
 use crate::settlement::{contact_at, outermost, tip};
 use crate::support_polygon::{self, regular};
@@ -81,8 +83,9 @@ pub struct StanceGuard {
 impl StanceGuard {
     /// Prepares the rule for the feet that stand on `contacts` (m).
     ///
-    /// `None` if they enclose no support polygon, or a length in `rules` is not a number. A
-    /// negative m1 or settlement counts as zero.
+    /// `None` if they enclose no support polygon, or a length in `rules` is not a number, or
+    /// friction is asked for, which points do not have: see [`over`](Self::over). A negative m1 or
+    /// settlement counts as zero.
     pub fn new(
         contacts: &[Point3<f64>],
         rules: &StanceRules,
@@ -90,7 +93,7 @@ impl StanceGuard {
     ) -> Option<StanceGuard> {
         let hull = regular(contacts).ok()?;
         let (margin, settlement) = (rules.margin.max(0.0), rules.settlement.max(0.0));
-        if !(rules.margin + rules.settlement).is_finite() {
+        if !(rules.margin + rules.settlement).is_finite() || preference == Preference::Friction {
             return None;
         }
         let mut guard = StanceGuard {
@@ -112,6 +115,23 @@ impl StanceGuard {
             guard.add_settlement(&hull, settling, settlement);
         }
         Some(guard)
+    }
+
+    /// Prepares the rule, whichever is preferred, for feet whose ground is known.
+    ///
+    /// `None` as for [`new`](Self::new), or for contacts that cannot be worked with.
+    pub fn over(
+        contacts: &[Contact],
+        rules: &StanceRules,
+        preference: Preference,
+    ) -> Option<StanceGuard> {
+        let points: Vec<Point3<f64>> = contacts.iter().map(|c| c.position).collect();
+        if preference != Preference::Friction {
+            return StanceGuard::new(&points, rules, preference);
+        }
+        let ForceRegion { region, .. } = friction_region(contacts)?;
+        let regular = StanceGuard::new(&points, rules, Preference::Regular)?;
+        Some(regular.within(&region, rules.margin))
     }
 
     /// The same rule, which also asks that the center of mass is `margin` (m) or deeper within
@@ -184,6 +204,13 @@ impl StanceGuard {
     pub fn spare_about(&self, com: &Point3<f64>, radius: f64) -> f64 {
         if radius.is_nan() { f64::NEG_INFINITY } else { self.spare(com) - radius.max(0.0) }
     }
+}
+
+/// The region of these contacts' friction as the rule takes it; `None` for contacts that cannot be
+/// worked with.
+fn friction_region(contacts: &[Contact]) -> Option<ForceRegion> {
+    let cones = force_region::cones(contacts, ConeModel::default()).ok()?;
+    force_region::region(&cones, 1.0).ok()
 }
 
 /// max(A, B) of the file's header.

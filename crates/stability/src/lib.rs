@@ -8,6 +8,7 @@
 //! - [`settlement`]: what is left of the margin when the ground gives way under one foot;
 //! - [`force_region`]: where the center of mass may be with limited friction and torque (H7 to H12),
 //!   and what is left of it should any one contact be lost;
+//! - [`kept_region`]: such a region of friction, kept for moving one contact at a time;
 //! - [`contact_forces`]: the smallest forces, those that spare the joints most, the slip margin;
 //! - [`energy`]: the work that it takes to tip the rover over (A28 to A32);
 //! - [`robust`]: margins with contacts that are not known exactly;
@@ -15,6 +16,7 @@
 //! - [`torque`]: the joint torques that hold a posture, against their limits;
 //! - [`rule`]: all of these for one posture, and the verdict of the margin rule on them;
 //! - [`report`]: friction, forces, torque and energy of one posture;
+//! - [`margins`]: all margins over fixed contacts, for many centers of mass;
 //! - [`guard`]: that rule over fixed contacts, prepared for asking it many times.
 
 pub mod contact;
@@ -22,7 +24,9 @@ pub mod contact_forces;
 pub mod energy;
 pub mod force_region;
 pub mod guard;
+pub mod kept_region;
 pub mod loads;
+pub mod margins;
 pub mod report;
 pub mod robust;
 pub mod rule;
@@ -34,7 +38,9 @@ pub mod torque;
 pub use contact::{ConeBound, ConeModel, Contact, ContactError};
 pub use force_region::{ForceRegion, ForceSet};
 pub use guard::StanceGuard;
+pub use kept_region::KeptRegion;
 pub use loads::{spring_share, spring_share_with_preload};
+pub use margins::StanceMargins;
 pub use report::ForceReport;
 pub use rule::{Check, Preference, StanceReport, Verdict, assess, assess_with_friction, verdict};
 pub use settlement::Settlement;

@@ -59,7 +59,7 @@ pub fn spring_share_with_preload(
     share(contacts_in_g, com_in_g, weight_n, &springs)
 }
 
-/// A leg with its tyre as a vertical spring.
+/// A leg with its tire as a vertical spring.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LegSpring {
     /// Load over deflection (N/m), above zero.

@@ -1,7 +1,7 @@
 //! What friction, joint torques and energy say of one posture, beside the polygons of [`crate::rule`].
 
 use nalgebra::{Point3, Vector3};
-use rover::{LegId, Posture, Robot};
+use rover::{LegId, Posture, Robot, vertical_stiffness};
 
 use crate::contact::{self, ConeModel, Contact, ContactError};
 use crate::contact_forces::{self, LeastTorque, LegStatics};
@@ -10,9 +10,8 @@ use crate::force_region::{self, Emptiness, ForceRegion, ForceSet};
 use crate::loads::{self, LegSpring, LoadBand, SpringError};
 use crate::{support_polygon::SupportError, torque};
 
-/// How well a leg's stiffness is known, as a share, and its touch-down height as a share of the
-/// deflection of a leg under its part of the weight: what the band of loads is made with.
-const STIFFNESS_ERROR: f64 = 0.2;
+/// How well the height of a touch-down is known where the robot does not say it, as a share of the
+/// deflection of a leg under its part of the weight.
 const HEIGHT_ERROR: f64 = 0.2;
 
 /// Friction, forces, torques and energy of one posture. All lists go by the legs that stand, in the
@@ -74,10 +73,17 @@ pub fn forces(
         .map(|(leg, c)| LegStatics::new(robot, posture, *leg, &c.position, gravity))
         .collect();
     let cones = force_region::cones(&contacts, cone)?;
-    let stiffness = robot.stance().leg_stiffness;
-    let springs = vec![LegSpring { stiffness_n_m: stiffness, pressed_m: 0.0 }; contacts.len()];
-    let deflection = weight / stiffness / contacts.len() as f64;
-    let error = SpringError { stiffness: STIFFNESS_ERROR, height_m: HEIGHT_ERROR * deflection };
+    let spring = |(leg, c): &(LegId, Contact)| LegSpring {
+        stiffness_n_m: vertical_stiffness(robot, posture, *leg, &c.position),
+        pressed_m: 0.0,
+    };
+    let springs: Vec<LegSpring> = standing.iter().map(spring).collect();
+    let deflection = weight / springs.iter().map(|s| s.stiffness_n_m).sum::<f64>();
+    let compliance = robot.compliance();
+    let error = SpringError {
+        stiffness: compliance.stiffness_error,
+        height_m: compliance.touchdown_error.unwrap_or(HEIGHT_ERROR * deflection),
+    };
     let load_band = loads::load_band(&points, &com, weight, &springs, &error);
     let lifted = robot.leg_ids().filter(|leg| standing.iter().all(|(other, _)| other != leg));
     let hanging = torque::ratios(robot, posture, &[], gravity).ratios;

@@ -10,8 +10,10 @@
 //! of its own below zero while it is decided which one leaves the basis. Values are read from a
 //! second right side that is exact, so ties do not blur the result.
 
+use std::f64::consts::TAU;
+
 /// Reduced costs and infeasibilities below this are zero.
-const ZERO: f64 = 1e-9;
+pub(crate) const ZERO: f64 = 1e-9;
 /// A pivot must be larger than this.
 const SMALLEST_PIVOT: f64 = 1e-9;
 /// By how much variables may be below zero in decisions.
@@ -55,14 +57,14 @@ pub(crate) struct ShadowVertex {
 impl Tableau {
     /// A program of `rows` balances over the given variables, each with its coefficients in the
     /// balances and in both objectives.
-    pub fn new(right_side: &[f64], columns: &[(Vec<f64>, [f64; 2])]) -> Tableau {
+    pub fn new(right_side: &[f64], columns: &[(impl AsRef<[f64]>, [f64; 2])]) -> Tableau {
         let (rows, n) = (right_side.len(), columns.len());
         let width = n + 2;
         let mut cells = vec![0.0; (rows + 2) * width];
         for (j, (coefficients, objectives)) in columns.iter().enumerate() {
             // A share of its own for each variable, from the golden ratio's even scatter.
             let slack = SLACK * (1.0 + (j as f64 * 0.618_033_988_749_895).fract());
-            for (i, a) in coefficients.iter().chain(objectives).enumerate() {
+            for (i, a) in coefficients.as_ref().iter().chain(objectives).enumerate() {
                 cells[i * width + j] = *a;
                 if i < rows {
                     cells[i * width + n + 1] += slack * a;
@@ -261,21 +263,32 @@ impl Tableau {
     }
 
     fn vertex(&self) -> ShadowVertex {
-        let above_zero = |i: &usize| self.cell(*i, self.columns) > ZERO;
-        let loaded = (0..self.rows).filter(above_zero).map(|i| self.basis[i]).collect();
+        let loaded = (0..self.rows).filter(|i| self.is_loaded(*i)).map(|i| self.basis[i]).collect();
         ShadowVertex { at: self.values(), loaded }
     }
 
     /// The vertices of the shadow, counter-clockwise, from a feasible basis. Vertices in one place
     /// may follow each other.
     pub fn shadow(&mut self) -> Result<Vec<ShadowVertex>, Unsolved> {
-        let mut u = [1.0, 0.0];
+        let u = [1.0, 0.0];
         self.maximize(u)?;
         let mut vertices = vec![self.vertex()];
+        self.walk(u, TAU, |here, _| vertices.push(here.vertex()))?;
+        Ok(vertices)
+    }
+
+    /// Turns the objective counter-clockwise by `most` (rad), from `u` for which the basis is the best,
+    /// and visits each further basis with the objective from which on it is.
+    pub fn walk(
+        &mut self,
+        mut u: [f64; 2],
+        most: f64,
+        mut visit: impl FnMut(&Tableau, [f64; 2]),
+    ) -> Result<(), Unsolved> {
         let mut turned = 0.0;
         while let Some((column, next)) = self.next_turn(u) {
-            turned += (u[0] * next[1] - u[1] * next[0]).atan2(u[0] * next[0] + u[1] * next[1]);
-            if turned > std::f64::consts::TAU {
+            turned += turn(u, next);
+            if turned > most {
                 break;
             }
             u = next;
@@ -284,9 +297,43 @@ impl Tableau {
             if self.pivots_left == 0 {
                 return Err(Unsolved::TooManyPivots);
             }
-            vertices.push(self.vertex());
+            visit(self, u);
         }
-        Ok(vertices)
+        Ok(())
+    }
+
+    /// Takes these variables into the basis, one for each balance; `false` if they do not determine it.
+    pub fn take_basis(&mut self, variables: &[usize]) -> bool {
+        variables.len() == self.rows
+            && variables.iter().all(|column| {
+                let open = (0..self.rows).filter(|i| self.basis[*i] == ARTIFICIAL);
+                let largest = |a: &usize, b: &usize| {
+                    self.cell(*a, *column).abs().total_cmp(&self.cell(*b, *column).abs())
+                };
+                match open.max_by(largest) {
+                    Some(row) if self.cell(row, *column).abs() > SMALLEST_PIVOT => {
+                        self.pivot(row, *column);
+                        true
+                    }
+                    _ => false,
+                }
+            })
+    }
+
+    /// The variables of the basis, one for each balance that is left.
+    pub fn basis(&self) -> &[usize] {
+        &self.basis
+    }
+
+    /// Is this basic variable above zero?
+    pub fn is_loaded(&self, place: usize) -> bool {
+        self.cell(place, self.columns) > ZERO
+    }
+
+    /// The multipliers of balance `i` for both objectives, where the variables from `units` on are the
+    /// balances' unit variables without cost.
+    pub fn multipliers(&self, units: usize, i: usize) -> [f64; 2] {
+        [0, 1].map(|k| -self.cell(self.rows + k, units + i))
     }
 
     /// The first variable that is worth growing when the objective `u` is turned counter-clockwise,
@@ -319,4 +366,9 @@ impl Tableau {
         let ahead = u[0] * next[0] + u[1] * next[1];
         Some((j, if turn < 0.0 && ahead > 0.0 { u } else { next }))
     }
+}
+
+/// The angle from one direction to another (rad), from -π to π, counter-clockwise.
+pub(crate) fn turn(from: [f64; 2], to: [f64; 2]) -> f64 {
+    (from[0] * to[1] - from[1] * to[0]).atan2(from[0] * to[0] + from[1] * to[1])
 }

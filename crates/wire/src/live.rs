@@ -232,7 +232,7 @@ pub struct PolygonAnswer {
     /// The edge that decides, as `[[x, y], [x, y]]` (m).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub critical_edge_m: Option<[[f64; 2]; 2]>,
-    /// What decides, in words: the feet at the ends of the edge.
+    /// The feet that decide, by name: `leg2, leg3` at the ends of the edge.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub critical: Option<String>,
 }

@@ -3,7 +3,7 @@
 use collision::{ContactZone, Keep, Scene};
 use nalgebra::Point3;
 use rover::{Configuration, LegId, Posture, Robot};
-use stability::{Preference, rule};
+use stability::rule;
 
 use super::margins::{Margins, torque_barrier};
 use super::{Attempt, Case, Motion, Place, Work};
@@ -113,7 +113,7 @@ impl Case<'_> {
             motions.push(self.shift_motion(place, &plan.configurations)?);
         }
         let posture = Posture::new(robot, &end);
-        let after = Margins::of(robot, &posture, &place.staying, self.gravity);
+        let after = Margins::of(&self.footing(), &posture, &place.staying, self.gravity);
         Ok(Attempt { motions, end, after, barrier })
     }
 
@@ -155,7 +155,8 @@ impl Case<'_> {
             leg: self.leg,
             standing: &place.staying,
             gravity: self.gravity,
-            preference: Preference::Regular,
+            preference: self.footing().preference,
+            friction: self.options.friction,
             keep: Keep::default(),
             lift_zone: self.zone(place, stepping_from),
             drop_zone: None,

@@ -80,8 +80,9 @@ impl Case<'_> {
     ) -> Result<(Vec<Motion>, Option<Place>), Barrier> {
         let robot = self.scene.robot();
         let com = Posture::new(robot, &place.configuration).center_of_mass(robot);
-        let contacts: Vec<_> = place.staying.iter().map(|(_, p)| *p).collect();
-        let rule = Wanted::margins(&contacts, robot.stance(), 0.0, None)
+        let footing = self.footing();
+        let contacts = footing.contacts(&place.staying);
+        let rule = Wanted::rule(&contacts, robot.stance(), footing.preference)
             .ok_or_else(|| Barrier::new("stability", "the feet enclose no support polygon"))?;
         if rule.spare(&com) >= 0.0 {
             return Ok((Vec::new(), None));

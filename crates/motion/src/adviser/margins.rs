@@ -3,10 +3,11 @@
 use geometry::ConvexRegion;
 use nalgebra::Point3;
 use rover::{LegId, Posture, Robot, StanceRules};
-use stability::rule::{self, StanceReport};
+use stability::rule::StanceReport;
 use stability::torque::WorstJoint;
 
 use super::Wish;
+use crate::footing::Footing;
 use crate::shift::Barrier;
 
 /// Margins are met to this (m).
@@ -40,19 +41,22 @@ pub struct Margins {
     pub regular_most: Option<f64>,
     /// The same of the conservative margin, where its region is an area.
     pub conservative_most: Option<f64>,
+    /// Margin in the region that friction holds (m), where it was asked for.
+    pub friction: Option<f64>,
     /// The joint that is loaded most, as a share of its limit; legs as equal springs.
     pub torque: WorstJoint,
 }
 
 impl Margins {
     /// Of a posture on these feet under `gravity` (m/s²).
-    pub fn of(
-        robot: &Robot,
+    pub(crate) fn of(
+        footing: &Footing,
         posture: &Posture,
         staying: &[(LegId, Point3<f64>)],
         gravity: f64,
     ) -> Margins {
-        let report = rule::assess(robot, posture, staying, gravity);
+        let report = footing.assess(posture, staying, gravity);
+        let friction = report.friction.as_ref().and_then(|region| region.margin(&report.com));
         let StanceReport { standing, regular, conservative, settlement, torque, .. } = report;
         let region = match conservative.as_ref().map(|c| &c.region) {
             Some(ConvexRegion::Area(_)) => Region::Area,
@@ -65,6 +69,7 @@ impl Margins {
         Margins {
             regular_most,
             conservative_most,
+            friction,
             standing,
             regular: regular.ok().map(|regular| regular.margin.depth_m),
             settlement: settlement.map(|worst| worst.margin_m),
@@ -78,7 +83,8 @@ impl Margins {
     pub fn spare(&self, wish: &Wish, rules: &StanceRules) -> f64 {
         let regular = self.regular.map(|m| m - wish.regular.max(rules.margin));
         let conservative = wish.conservative.map(|c| self.conservative.map(|m| m - c));
-        let parts = [Some(regular), Some(self.settlement), conservative];
+        let friction = wish.friction.map(|f| self.friction.map(|m| m - f.max(rules.margin)));
+        let parts = [Some(regular), Some(self.settlement), conservative, friction];
         let value = |part: Option<f64>| part.unwrap_or(f64::NEG_INFINITY);
         parts.into_iter().flatten().map(value).fold(f64::INFINITY, f64::min)
     }

@@ -117,13 +117,10 @@ impl Case<'_> {
         let near = place.configuration.legs[leg.0];
         let down = touchdowns(self.scene, posture, leg, p, &near, 1).ok()?;
         let down = down.first()?;
-        let contacts: Vec<Point3<f64>> = place
-            .staying
-            .iter()
-            .map(|(other, contact)| if *other == leg { down.contact } else { *contact })
-            .collect();
-        let wish = self.wish;
-        let wanted = Wanted::margins(&contacts, robot.stance(), wish.regular, wish.conservative)?;
+        let mut feet = place.staying.clone();
+        feet.iter_mut().filter(|(other, _)| *other == leg).for_each(|foot| foot.1 = down.contact);
+        let contacts = self.footing().contacts(&feet);
+        let wanted = Wanted::margins(&contacts, robot.stance(), self.wish)?;
         let com = posture.with_leg(robot, leg, &down.angles).center_of_mass(robot);
         let spare = wanted.spare(&com);
         let (_, most) = wanted.best()?;
@@ -140,6 +137,8 @@ impl Case<'_> {
         let robot = self.scene.robot();
         let target = Target::Ground(promise.place);
         let mut request = StepRequest::new(promise.leg, target, robot.scale());
+        request.preference = self.footing().preference;
+        request.friction = self.options.friction;
         request.seed = self.options.seed;
         request.drive_hold = self.options.drive_hold;
         request.sbl.max_milestones = MILESTONES;

@@ -39,7 +39,7 @@ fn foot_radius(robot: &Robot, start: &Configuration) -> f64 {
 }
 
 fn conservative(wished: f64) -> Wish {
-    Wish { regular: 0.0, conservative: Some(wished) }
+    Wish { regular: 0.0, conservative: Some(wished), friction: None }
 }
 
 fn chassis_only() -> AdviceOptions {
@@ -363,7 +363,7 @@ fn what_is_met_is_left_alone_and_a_regular_wish_is_met_by_a_little() {
     let here = scene(robot.clone(), &[]);
     let met = first_leg(&here, &start, &Wish::default(), &AdviceOptions::default());
     assert_eq!((met.answer, met.n_looked), (Answer::AlreadyMet, 0));
-    let wish = Wish { regular: met.before.regular.unwrap() + 0.05, conservative: None };
+    let wish = Wish { regular: met.before.regular.unwrap() + 0.05, ..Wish::default() };
     let advice = first_leg(&here, &start, &wish, &AdviceOptions::default());
     let Answer::Proposals(proposals) = advice.answer else { panic!() };
     assert_eq!(proposals[0].change, Change::Chassis);
@@ -402,7 +402,7 @@ fn in_random_stances_proposals_hold_a_second_look_and_answers_repeat() {
         done += 1;
         let leg = LegId(rng.random_range(0..6));
         let wish = if done % 3 == 0 {
-            Wish { regular: rng.random_range(0.5..1.6), conservative: None }
+            Wish { regular: rng.random_range(0.5..1.6), ..Wish::default() }
         } else {
             conservative(rng.random_range(0.0..0.35))
         };
@@ -429,7 +429,7 @@ fn in_random_stances_proposals_hold_a_second_look_and_answers_repeat() {
             Answer::Best { posture, missing, barrier } => {
                 best += 1;
                 assert!(*missing > 0.0 && !barrier.text.is_empty());
-                let reached = Wish { regular: 0.0, conservative: None };
+                let reached = Wish { regular: 0.0, ..Wish::default() };
                 if !posture.motions.is_empty() {
                     check_proposal(&here, &stance, leg, &reached, posture);
                 }
@@ -472,7 +472,7 @@ fn bad_requests_are_named() {
         AdviceError::UnknownLeg { index: 9 }
     );
     for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -0.1, 1e9] {
-        let wishes = [Wish { regular: value, conservative: None }, conservative(value)];
+        let wishes = [Wish { regular: value, ..Wish::default() }, conservative(value)];
         for wish in wishes {
             let error = ask(&bent, MOON, 0, wish).unwrap_err();
             assert!(matches!(error, AdviceError::BadWish { .. }), "{error:?}");

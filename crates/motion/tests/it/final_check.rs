@@ -73,6 +73,7 @@ impl<'t> Paths<'t> {
             standing: &[],
             gravity: MOON,
             preference: Preference::Regular,
+            friction: 0.7,
             keep: self.keep.clone(),
             lift_zone: none,
             drop_zone: none,

@@ -11,6 +11,8 @@ use terrain::ElevationMap;
 mod adviser;
 mod body_shift;
 mod final_check;
+mod friction;
+mod margins;
 mod planners;
 mod rehearsal;
 mod sbl_scenes;

@@ -279,7 +279,8 @@ impl Source {
         }
         request.transit_only = matches!(target, Target::Angles(_)) && self.one_in(2);
         if self.one_in(8) {
-            request.preference = Preference::Conservative;
+            request.preference = self.pick(&[Preference::Conservative, Preference::Friction]);
+            request.friction = self.pick(&[0.7, 0.7, 0.1, 0.0, -1.0, f64::NAN]);
         }
         if self.one_in(4) {
             request.edges = EdgeRule::Sampled(self.pick(&[0.01, 0.05, 0.1]));

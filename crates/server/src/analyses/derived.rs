@@ -114,9 +114,7 @@ fn center_of_force(frame: &RoverTelemetry) -> Option<[f64; 2]> {
 
 fn derived(robot: &Robot, report: &StanceReport, frame: &RoverTelemetry) -> StabilityDerived {
     let leg_name = |leg: LegId| robot.leg(leg).name.clone();
-    let named = |pair: [usize; 2]| {
-        format!("{} and {}", leg_name(report.standing[pair[0]]), leg_name(report.standing[pair[1]]))
-    };
+    let named = |i: usize| leg_name(report.standing[i]);
     let regular = report
         .regular
         .as_ref()

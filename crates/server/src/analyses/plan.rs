@@ -1,15 +1,15 @@
 //! One planned step.
 
 use motion::{
-    Buffers, EdgeRule, Finding, Outcome, Phase, Planner as Search, Stage, StepAnswer, StepRequest,
-    Stopped, Target, Watch, Waypoint, plan_step,
+    Buffers, EdgeRule, Finding, MarginSample, Outcome, Phase, Planner as Search, Stage, StepAnswer,
+    StepRequest, Stopped, Target, Watch, Waypoint, plan_step,
 };
 use nalgebra::Point3;
 use rover::{Configuration, LegId, Robot};
 use stability::Preference;
 use tokio::time::Instant;
 use wire::analysis::{
-    PathPlanner, PlanAnswer, PlanBasis, PlanCommand, PlanConstraint, PlanFinding, PlanMargin,
+    PathPlanner, PlanAnswer, PlanBasis, PlanCommand, PlanConstraint, PlanFinding, PlanMargins,
     PlanPhase, PlanRequest, PlanShift, PlanStatistics, PlanWaypoint, Planner,
 };
 use wire::check::{self, At, RequestError};
@@ -17,6 +17,7 @@ use wire::convert;
 use wire::live::{BodyKnot, CommandBody, Footfall, JointKnot};
 
 use super::reachability::{LIFT_M, LIFT_RANGE_M, preference};
+use super::regions::names;
 use crate::live::hash_text;
 use crate::scene::{Context, Scene};
 use crate::stop::{Cause, Stop};
@@ -60,7 +61,11 @@ pub fn is_plannable(
     stop: &Stop,
 ) -> Option<bool> {
     let scale = scene.robot().scale();
-    let request = StepRequest { preference, ..StepRequest::new(leg, Target::Ground(place), scale) };
+    let request = StepRequest {
+        preference,
+        friction: scene.friction,
+        ..StepRequest::new(leg, Target::Ground(place), scale)
+    };
     let mut clock = StageClock::new(stop, &|_, _| {});
     let found = plan_step(&scene.solid, &scene.configuration, scene.gravity, &request, &mut clock);
     match found.outcome {
@@ -97,11 +102,7 @@ fn step_request(scene: &Scene, request: &PlanRequest) -> Result<StepRequest, Req
     let lift_m = request.lift_m.unwrap_or(LIFT_M * robot.scale());
     step.lift = check::within(&At::root("lift_m"), lift_m, LIFT_RANGE_M, " m")?;
     step.preference = preference(request.stability);
-    if step.preference == Preference::Friction {
-        let text = "is \"friction\", which planning does not do yet; take \"regular\" or \
-                    \"conservative\"";
-        return Err(RequestError::at("not_supported", &At::root("stability"), text));
-    }
+    step.friction = scene.friction;
     let at = At::root("tolerances");
     let tolerance = |name: &str, value: Option<f64>| {
         value.map(|v| check::within(&at.field(name), v, [0.0, 1.0], " m")).transpose()
@@ -219,11 +220,7 @@ fn answer(
             normal: [footfall.normal.x, footfall.normal.y, footfall.normal.z],
             wheel: convert::pose(&footfall.world_from_wheel),
         }),
-        margins: found
-            .margins
-            .iter()
-            .map(|(time_s, margin_m)| PlanMargin { time_s: *time_s, margin_m: *margin_m })
-            .collect(),
+        margins: margins(scene, leg, found),
         constraint: found.constraint.as_ref().map(|constraint| PlanConstraint {
             name: constraint.name.into(),
             missing: constraint.missing.filter(|missing| missing.is_finite()),
@@ -233,6 +230,25 @@ fn answer(
         nearest_m: found.nearest.as_ref().map(convert::point),
         retreat,
         preload_n: found.preload,
+    }
+}
+
+fn margins(scene: &Scene, leg: LegId, found: &StepAnswer) -> PlanMargins {
+    let robot = scene.robot();
+    let samples =
+        motion::margins_along(&scene.solid, &scene.configuration, leg, found, scene.friction);
+    let weight = robot.mass() * scene.gravity;
+    let of = |value: fn(&MarginSample) -> Option<f64>| samples.iter().map(value).collect();
+    let name = |leg: usize| robot.legs()[leg].name.clone();
+    let edge = |sample: &MarginSample| names(&sample.critical?.map(|leg| leg.0), name);
+    PlanMargins {
+        time_s: samples.iter().map(|sample| sample.time).collect(),
+        regular_m: of(|sample| sample.regular),
+        conservative_m: of(|sample| sample.conservative),
+        friction_m: of(|sample| sample.friction),
+        energy_j: samples.iter().map(|sample| sample.energy_height.map(|h| h * weight)).collect(),
+        energy_m: of(|sample| sample.energy_height),
+        critical: samples.iter().map(edge).collect(),
     }
 }
 

@@ -76,6 +76,7 @@ impl Work<'_> {
         let wish = Wish {
             regular: margin("regular_m", asked.regular_m)?.unwrap_or(0.0),
             conservative: margin("conservative_m", asked.conservative_m)?,
+            friction: margin("friction_m", asked.friction_m)?,
         };
         let usual = AdviceOptions::default();
         let options = AdviceOptions {
@@ -86,6 +87,7 @@ impl Work<'_> {
             fold: asked.fold,
             replace: asked.replace,
             drive_hold: asked.drive_hold,
+            friction: scene.friction,
             seed: self.seed,
             budget: self.budget.unwrap_or(usual.budget),
         };
@@ -247,6 +249,7 @@ impl Teller<'_> {
             .into(),
             conservative_m: margins.conservative,
             conservative_most_m: margins.conservative_most,
+            friction_m: margins.friction,
             torque_ratio: ratio.is_finite().then_some(ratio),
             torque_joint: joint.map_or(String::new(), |i| self.robot.joints()[*i].name.clone()),
         }

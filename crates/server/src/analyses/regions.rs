@@ -7,15 +7,21 @@ use stability::force_region::Emptiness;
 use stability::support_polygon;
 use wire::live::{PolygonAnswer, RegionAnswer, RegionKind};
 
-/// A support polygon; `named` names two contacts.
+/// Contacts by their names, as every answer writes them: `leg2, leg3`.
+pub fn names(contacts: &[usize], named: impl Fn(usize) -> String) -> Option<String> {
+    let names: Vec<String> = contacts.iter().map(|contact| named(*contact)).collect();
+    (!names.is_empty()).then(|| names.join(", "))
+}
+
+/// A support polygon; `named` names one contact.
 pub fn polygon_answer(
     polygon: &ConvexPolygon,
     contacts: &[Point3<f64>],
     com: &Point3<f64>,
-    named: impl Fn([usize; 2]) -> String,
+    named: impl Fn(usize) -> String,
 ) -> PolygonAnswer {
     let margin = support_polygon::margin(polygon, contacts, com);
-    area_answer(polygon, com, Some(named(margin.contacts)))
+    area_answer(polygon, com, names(&margin.contacts, named))
 }
 
 fn area_answer(
@@ -44,12 +50,12 @@ fn point_answer(point: &Point2<f64>, com: &Point3<f64>) -> PolygonAnswer {
     }
 }
 
-/// The conservative support region; `named` names two contacts.
+/// The conservative support region; `named` names one contact.
 pub fn region_answer(
     region: &ConvexRegion,
     contacts: &[Point3<f64>],
     com: &Point3<f64>,
-    named: impl Fn([usize; 2]) -> String,
+    named: impl Fn(usize) -> String,
 ) -> (Option<PolygonAnswer>, RegionKind) {
     match region {
         ConvexRegion::Area(polygon) => {
@@ -68,8 +74,7 @@ pub fn force_region_answer(
 ) -> RegionAnswer {
     let (kind, region) = match &found.region {
         ConvexRegion::Area(polygon) => {
-            let who: Vec<String> = found.critical(com).iter().map(|i| named(*i)).collect();
-            let critical = (!who.is_empty()).then(|| who.join(", "));
+            let critical = names(found.critical(com), named);
             (RegionKind::Area, Some(area_answer(polygon, com, critical)))
         }
         ConvexRegion::Point(point) => (RegionKind::Point, Some(point_answer(point, com))),

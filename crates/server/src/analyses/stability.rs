@@ -165,14 +165,13 @@ fn of_case(
     let weight = case.weight.unwrap_or(1.0);
     let friction = force_region::region(&sets, weight).map_err(refused)?;
     let lossy = force_region::conservative(&sets, weight).map_err(refused)?;
-    let named = |pair: [usize; 2]| format!("contacts {} and {}", pair[0], pair[1]);
     let one = |i: usize| match i.checked_sub(case.contacts.len()) {
         None => format!("contact {i}"),
         Some(rope) => format!("tether {rope}"),
     };
     let regular = support_polygon::regular(&case.points);
     let (conservative, conservative_kind) = match support_polygon::conservative(&case.points) {
-        Ok(region) => region_answer(&region, &case.points, &case.com, named),
+        Ok(region) => region_answer(&region, &case.points, &case.com, one),
         Err(_) => (None, RegionKind::Empty),
     };
     let why_not = match (friction.margin(&case.com), friction.emptiness) {
@@ -194,7 +193,7 @@ fn of_case(
     let slip = contact_forces::slip_margin(&case.contacts, &case.com, case.cone);
     let friction_answer = force_region_answer(&friction, &case.com, one);
     Ok(CaseStability {
-        regular: regular.ok().map(|hull| polygon_answer(&hull, &case.points, &case.com, named)),
+        regular: regular.ok().map(|hull| polygon_answer(&hull, &case.points, &case.com, one)),
         conservative,
         conservative_kind,
         friction: friction_answer.region,

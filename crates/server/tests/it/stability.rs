@@ -162,3 +162,34 @@ async fn the_reachability_of_all_legs_comes_by_itself_and_again_after_a_step() {
     assert!(of(&now, "reachable") < of(&first, "reachable"), "{now}");
     assert!(of(&now, "unstable") > of(&first, "unstable"), "{now}");
 }
+
+#[tokio::test]
+async fn a_plan_takes_friction_as_its_rule_and_tells_all_margins_along_it() {
+    let ground = Ground::start().await;
+    let plan = ground.plan_with("leg2", [0.1, 0.1], json!({ "stability": "friction" })).await;
+    assert_eq!(plan["outcome"], "found", "{plan}");
+    let rule = plan["findings"].as_array().unwrap().iter().find(|f| f["check"] == "margin_rule");
+    assert_eq!(rule.unwrap()["ok"], true);
+    let margins = &plan["margins"];
+    let of = |name: &str| margins[name].as_array().unwrap();
+    let n = of("time_s").len();
+    assert_eq!(n, 64);
+    let numbers = |name: &str| of(name).iter().map(|v| v.as_f64().unwrap()).collect::<Vec<f64>>();
+    let (times, regular, friction) =
+        (numbers("time_s"), numbers("regular_m"), numbers("friction_m"));
+    assert!(times.windows(2).all(|w| w[1] >= w[0]));
+    let end = plan["waypoints"].as_array().unwrap().last().unwrap()["time_s"].as_f64().unwrap();
+    assert!((times[n - 1] - end).abs() < 1e-9);
+    // The rule asks for m1 in both, and the final check saw it.
+    assert!(regular.iter().chain(&friction).all(|margin| *margin >= 0.15), "{margins}");
+    let (joules, rises) = (numbers("energy_j"), numbers("energy_m"));
+    let weight = joules[0] / rises[0];
+    assert!(weight > 1000.0);
+    assert!(joules.iter().zip(&rises).all(|(j, m)| (j - weight * m).abs() < 1e-6 * j));
+    // Five feet of a hexagon survive no loss with the center of mass in their middle.
+    assert_eq!(of("conservative_m").len(), n);
+    let edges = of("critical");
+    assert_eq!(edges.len(), n);
+    assert!(edges.iter().all(|edge| edge.as_str().unwrap().contains(", leg")), "{margins}");
+    assert!(edges.iter().all(|edge| !edge.as_str().unwrap().contains("leg2")), "{margins}");
+}

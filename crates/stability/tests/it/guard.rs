@@ -1,12 +1,14 @@
 //! The prepared rule against the rule.
 
-use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rover::{Configuration, LegId, Posture, StanceRules};
 use stability::{Preference, StanceGuard, assess, settlement, support_polygon, verdict};
 
 use crate::athlete;
+use crate::linear::support;
+use crate::slopes::{region_with, stance};
 
 fn random_stance(rng: &mut ChaCha8Rng) -> Vec<Point3<f64>> {
     let n = rng.random_range(3..7);
@@ -168,4 +170,48 @@ fn on_the_rover_the_guard_gives_the_verdict_of_the_rule() {
         held += usize::from(verdict.ok);
     }
     assert!(held > 60, "{held} of 600 tell anything");
+}
+
+#[test]
+fn the_guard_with_friction_holds_where_linear_programs_say_so() {
+    let mut rng = ChaCha8Rng::seed_from_u64(35);
+    let (mut held, mut refused) = (0, 0);
+    for _ in 0..1_000 {
+        let contacts = stance(&mut rng);
+        let points: Vec<Point3<f64>> = contacts.iter().map(|c| c.position).collect();
+        let rules = StanceRules { margin: 0.2, settlement: 0.0, ..random_rules(&mut rng) };
+        let Some(regular) = StanceGuard::new(&points, &rules, Preference::Regular) else {
+            continue;
+        };
+        assert!(StanceGuard::new(&points, &rules, Preference::Friction).is_none());
+        let guard = StanceGuard::over(&contacts, &rules, Preference::Friction).unwrap();
+        let com = random_com(&mut rng, &points);
+        assert!(guard.spare(&com) <= regular.spare(&com));
+        // What another author's solver says of a center of mass that has m1 on this side.
+        let reaches = |along: Vector2<f64>| {
+            let reach = support(&contacts, 8, along.x, along.y);
+            reach.map(|reach| reach - along.dot(&com.coords.xy()) - rules.margin)
+        };
+        let ring = (0..24).map(|i| f64::from(i) * std::f64::consts::TAU / 24.0);
+        if guard.spare(&com) >= 0.0 {
+            held += 1;
+            for angle in ring {
+                let spare = reaches(Vector2::new(angle.cos(), angle.sin())).unwrap();
+                assert!(spare >= guard.spare(&com) - 1e-6, "{spare} {}", guard.spare(&com));
+            }
+        } else if regular.spare(&com) >= 0.0 {
+            // Refused for friction alone: a program shows on which side.
+            refused += 1;
+            let found = region_with(&contacts);
+            let shown = match found.region.area() {
+                None => true,
+                Some(area) => area.edges().any(|(a, b)| {
+                    let along = (b - a).normalize();
+                    reaches(Vector2::new(along.y, -along.x)).is_none_or(|spare| spare < 1e-6)
+                }),
+            };
+            assert!(shown, "{contacts:?}");
+        }
+    }
+    assert!(held > 60 && refused > 100, "{held} {refused}");
 }

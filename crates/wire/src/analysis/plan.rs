@@ -189,8 +189,10 @@ pub struct PlanAnswer {
     pub basis: PlanBasis,
     /// Where the wheel comes to stand.
     pub footfall: Option<Footfall>,
-    /// Margin of stability along the plan.
-    pub margins: Vec<PlanMargin>,
+    /// Margins of stability along the plan.
+    #[serde(default)]
+    #[schema(required = true)]
+    pub margins: PlanMargins,
     /// Where there is no plan: which constraint is in the way, and how much is missing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub constraint: Option<PlanConstraint>,
@@ -341,11 +343,24 @@ pub struct PlanBasis {
     pub version: String,
 }
 
-/// Margin of stability at one time of a plan.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
-pub struct PlanMargin {
-    /// Time after the start of the step (s).
-    pub time_s: f64,
-    /// Regular margin over the standing feet (m).
-    pub margin_m: f64,
+/// Margins of stability along a plan over the feet that stand: one value of each for each time, `null`
+/// where there is nothing to have a margin over. At most 64 times, even within a shift of the body and
+/// within the motion of the leg; where the leg is lifted after a shift one time stands twice, on all
+/// feet and without the leg. All are empty where nothing stands: for a transit alone and without a path.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct PlanMargins {
+    /// Time after the start of the step (s), never falling.
+    pub time_s: Vec<f64>,
+    /// In the regular support polygon (m).
+    pub regular_m: Vec<Option<f64>>,
+    /// In what is left of it should any one foot slip (m); for a point minus the distance to it.
+    pub conservative_m: Vec<Option<f64>>,
+    /// In the region that friction holds (m).
+    pub friction_m: Vec<Option<f64>>,
+    /// Work to tip the rover over its weakest edge (J).
+    pub energy_j: Vec<Option<f64>>,
+    /// By how much the center of mass must rise for that (m).
+    pub energy_m: Vec<Option<f64>>,
+    /// The legs of the nearest edge of the regular polygon, `leg2, leg3`.
+    pub critical: Vec<Option<String>>,
 }

@@ -43,6 +43,10 @@ pub struct AdviceRequest {
     /// Wanted conservative margin (m), 0 to 1000, where full loss of one more leg must be survived.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub conservative_m: Option<f64>,
+    /// Wanted margin in the region that friction holds (m), 0 to 1000; the robot's m1 where that is
+    /// more. All along the way friction is then asked for m1 too.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub friction_m: Option<f64>,
     /// Which way the chassis may go.
     #[serde(default)]
     pub chassis: PostureFreedom,
@@ -229,6 +233,9 @@ pub struct PostureMargins {
     pub conservative_m: Option<f64>,
     /// The most it could be over these feet (m).
     pub conservative_most_m: Option<f64>,
+    /// Margin in the region that friction holds (m), where one was wished for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub friction_m: Option<f64>,
     /// The largest torque as a share of its limit; absent where a joint without a limit bears something.
     pub torque_ratio: Option<f64>,
     /// The joint that bears it.

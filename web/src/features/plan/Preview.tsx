@@ -90,7 +90,11 @@ const [W, H] = [220, 34];
 /** Margin against time, its least value marked and what the rule asks for as a line. */
 function MarginStrip({ plan, length, at_s }: { plan: PlanAnswer; length: number; at_s: number }) {
   const needed = useConsole((s) => s.model?.margin_m ?? 0);
-  const samples = plan.margins.filter((m) => Number.isFinite(m.margin_m));
+  const { time_s, regular_m } = plan.margins;
+  const samples = time_s.flatMap((time_s, i) => {
+    const margin_m = regular_m[i];
+    return margin_m == null ? [] : [{ time_s, margin_m }];
+  });
   if (samples.length < 2 || length <= 0) return null;
   const most = Math.max(needed * 1.5, ...samples.map((m) => m.margin_m));
   const least = samples.reduce((a, b) => (b.margin_m < a.margin_m ? b : a));

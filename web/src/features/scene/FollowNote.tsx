@@ -44,7 +44,7 @@ export function FollowNote({ note, viewer }: Props) {
 }
 
 function Found({ answer }: { answer: PlanAnalysis }) {
-  const margins = answer.margins.map((m) => m.margin_m).filter(Number.isFinite);
+  const margins = answer.margins.regular_m.filter((m) => m != null);
   const shifts = answer.waypoints.some((w) => w.phase === "shift");
   return (
     <>
