@@ -11,7 +11,7 @@ use crate::gate::Gate;
 use crate::jobs::Jobs;
 use crate::live::Live;
 use crate::live_reach::LiveReach;
-use crate::plans::Plans;
+use crate::plans::{Plans, Postures};
 use crate::replays::Replays;
 use crate::robots::Robots;
 use crate::scene::Context;
@@ -41,6 +41,8 @@ pub struct App {
     pub jobs: Jobs,
     /// Plans of the live rover.
     pub plans: Plans,
+    /// What the adviser answered about the live rover.
+    pub postures: Postures,
     /// Replays of logs.
     pub replays: Replays,
     /// Lets analyses in.

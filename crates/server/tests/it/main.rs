@@ -8,6 +8,7 @@ mod codes;
 mod command_line;
 mod documents;
 mod job;
+mod posture;
 mod real_terrain;
 mod routes;
 mod soak;
