@@ -24,11 +24,12 @@ import { useSelection } from "../store/selection";
 import { type Channels, shown } from "../store/streamState";
 import { useTerrain } from "../store/terrain";
 import { useView } from "../store/view";
-import { REACHABILITY, TRAVERSABILITY } from "./palette";
+import { PLANNED, REACHABILITY, TRAVERSABILITY } from "./palette";
 import type { Viewer } from "./viewer";
 
 const EDGE_COLORS = { good: "#56f000", low: "#ffb302", out: "#ff3838" };
 const MOVED = 2e-4;
+const REACH_STYLES = [...REACHABILITY, ...PLANNED];
 
 type Unbind = () => void;
 
@@ -207,7 +208,7 @@ function bindTerrain(viewer: Viewer): Unbind {
     }
     if (kind === "reachability" && grid) {
       const circle = reachCircle(grid.header, useReach.getState().leg);
-      return { shape: grid.header, classes: grid.classes, styles: REACHABILITY, circle };
+      return { shape: grid.header, classes: grid.classes, styles: REACH_STYLES, circle };
     }
     return null;
   };

@@ -103,7 +103,7 @@ async fn what_was_not_offered_is_not_taken_up() {
     assert_eq!(taken_up(&ground, &met, 0).await.code(), "proposal_index");
 
     // A wish beyond what these feet allow, without work: the best posture is where the rover stands.
-    let far = json!({ "advice": { "leg": "leg1", "regular_m": 5.0 }, "budget": 0 });
+    let far = json!({ "advice": { "leg": "leg1", "regular_m": 5.0, "fold": false, "replace": false }, "budget": 0 });
     let report = ground.job(&ground.post("rover/posture", &far).await).await;
     let best = ground.get(report["result"].as_str().unwrap()).await.json();
     assert_eq!(best["advice"]["outcome"], "best", "{best}");

@@ -1,0 +1,190 @@
+// The words and figures of the posture adviser and of the rehearsal.
+
+import type {
+  PostureAdvice,
+  PostureAftermath,
+  PostureBarrier,
+  PostureMargins,
+  PostureProposal,
+  PostureRequest,
+} from "../api/types";
+import type { Status } from "../store/causes";
+import { capital, degrees, legLabel, metres, percent, readable } from "./format";
+
+/** What is wished for, and what may change. */
+export interface PostureWish {
+  /** Wanted margin without the leg (m); null is what the rule asks for. */
+  regular_m: number | null;
+  /** Is full loss of one more leg to be survived? */
+  conservative: boolean;
+  /** By which margin then (m). */
+  conservative_m: number | null;
+  chassis: "whole" | "level";
+  fold: boolean;
+  replace: boolean;
+}
+
+export const USUAL_WISH: PostureWish = {
+  regular_m: null,
+  conservative: false,
+  conservative_m: null,
+  chassis: "whole",
+  fold: true,
+  replace: true,
+};
+
+/** The request; what is as usual is left to the server. */
+export function postureRequest(leg: string, wish: PostureWish): PostureRequest {
+  const { regular_m, conservative, conservative_m, chassis, fold, replace } = wish;
+  return {
+    advice: {
+      leg,
+      ...(regular_m !== null && { regular_m }),
+      ...(conservative && { conservative_m: conservative_m ?? 0 }),
+      ...(chassis !== USUAL_WISH.chassis && { chassis }),
+      ...(!fold && { fold }),
+      ...(!replace && { replace }),
+    },
+  };
+}
+
+/** What can be gone to: the proposals; where the wish is not met, the best posture if it moves at all. */
+export function offeredBy({ proposals, best }: PostureAdvice): PostureProposal[] {
+  if (proposals.length > 0) return proposals;
+  return best && best.posture.commands.length > 0 ? [best.posture] : [];
+}
+
+type Changed = Pick<PostureProposal, "change" | "replaced_leg">;
+
+/** What moves, in words. */
+export function changeName({ change, replaced_leg }: Changed, leg: string): string {
+  switch (change) {
+    case "chassis":
+      return "Move the chassis";
+    case "fold":
+      return `Lift and fold ${legLabel(leg)}`;
+    default:
+      return replaced_leg ? `Put ${legLabel(replaced_leg)} elsewhere` : "Put a foot elsewhere";
+  }
+}
+
+/** What it costs, shortest first: way, turn, time. */
+export function costWords({ cost }: Pick<PostureProposal, "cost">): string {
+  const parts = [
+    cost.chassis_m > 5e-4 ? `body ${centimetres(cost.chassis_m)}` : "",
+    cost.turn_rad > 1e-3 ? degrees(cost.turn_rad) : "",
+    cost.legs_rad > 1e-3 ? `leg ${degrees(cost.legs_rad, 0)}` : "",
+  ];
+  return parts.filter(Boolean).join(" · ");
+}
+
+const centimetres = (m: number) => (m < 0.995 ? `${(100 * m).toFixed(0)} cm` : metres(m));
+
+export interface MarginPair {
+  key: string;
+  name: string;
+  before: string;
+  after: string;
+  /** Does it get more? Null where it stays or nobody knows. */
+  more: boolean | null;
+}
+
+/** Margins without the leg, before and after. */
+export function marginPairs(before: PostureMargins, after: PostureMargins): MarginPair[] {
+  const pair = (
+    key: string,
+    name: string,
+    a: number | null | undefined,
+    b: number | null | undefined,
+    show: (v: number | null | undefined) => string,
+    lessIsMore = false,
+  ): MarginPair => {
+    const change = a == null || b == null ? 0 : lessIsMore ? a - b : b - a;
+    return {
+      key,
+      name,
+      before: show(a),
+      after: show(b),
+      more: Math.abs(change) < 0.005 ? null : change > 0,
+    };
+  };
+  const m = (v: number | null | undefined) => (v == null ? "none" : metres(v));
+  return [
+    pair("regular", "Regular", before.regular_m, after.regular_m, m),
+    pair("settlement", "After settling", before.settlement_m, after.settlement_m, m),
+    pair("conservative", "Conservative", before.conservative_m, after.conservative_m, m),
+    pair("torque", "Torque", before.torque_ratio, after.torque_ratio, percent, true),
+  ];
+}
+
+const BARRIERS: Record<string, string> = {
+  reach: "A leg is stretched to its reach",
+  joint_limits: "A joint is at its limit",
+  singularity: "A leg is at a straight wrist or knee",
+  clearance: "Something is in the way",
+  torque: "A joint is at its torque limit",
+  stability: "The margin would be too small on the way",
+  closure: "The wheels would not keep their places",
+  check: "The final check refuses it",
+  region: "These feet allow no more",
+  search: "The search found nothing better",
+};
+
+/** What stands in the way of more: in short, the missing amount, the server's sentence. */
+export function barrierWords({ name, missing, unit, detail }: PostureBarrier) {
+  const figure =
+    missing == null || missing <= 0
+      ? null
+      : unit === "rad"
+        ? degrees(missing)
+        : unit === "m"
+          ? metres(missing)
+          : percent(missing);
+  return {
+    short: BARRIERS[name] ?? capital(readable(name.replaceAll("_", " "))),
+    missing: figure,
+    detail: detail ? `${capital(readable(detail))}` : null,
+  };
+}
+
+export interface WithoutLeg {
+  status: Status;
+  says: string;
+}
+
+/** Whether the margin rule holds with the leg up, and if not by how much it fails. */
+export function withoutLeg({ outcome, before, best }: PostureAdvice): WithoutLeg {
+  if (outcome === "already_met") {
+    return { status: "normal", says: `${metres(before.regular_m)} margin without it` };
+  }
+  const missing = best?.missing_m;
+  const short = missing == null ? "no margin without it" : `${metres(missing)} short without it`;
+  return { status: "caution", says: short };
+}
+
+export interface AftermathCell {
+  margin: string;
+  status: Status;
+  /** What happens, and whether there is a way back. */
+  says: string;
+}
+
+/** One accident as a cell of the table. */
+export function aftermathCell({
+  margin_m,
+  tips_over,
+  rocks,
+  way_back,
+}: PostureAftermath): AftermathCell {
+  const margin = margin_m == null ? "none" : metres(margin_m);
+  const begins = rocks ? "rocks onto it; " : "";
+  if (tips_over) return { margin, status: "critical", says: `${begins}tips over` };
+  switch (way_back.outcome) {
+    case "not_needed":
+      return { margin, status: "normal", says: `${begins}safe as it stands` };
+    case "found":
+      return { margin, status: "caution", says: `${begins}a body shift leads back` };
+    default:
+      return { margin, status: "serious", says: `${begins}no way back found` };
+  }
+}
