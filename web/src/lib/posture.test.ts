@@ -38,8 +38,7 @@ describe("what is asked of the adviser", () => {
     expect(postureRequest("leg2", USUAL_WISH)).toEqual({ advice: { leg: "leg2" } });
     const wish = {
       regular_m: 0.3,
-      conservative: true,
-      conservative_m: null,
+      conservative_m: 0,
       chassis: "level" as const,
       fold: false,
       replace: false,

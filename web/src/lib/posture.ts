@@ -15,9 +15,7 @@ import { capital, degrees, legLabel, metres, percent, readable } from "./format"
 export interface PostureWish {
   /** Wanted margin without the leg (m); null is what the rule asks for. */
   regular_m: number | null;
-  /** Is full loss of one more leg to be survived? */
-  conservative: boolean;
-  /** By which margin then (m). */
+  /** Wanted margin should one more leg be lost (m); null where that is not asked for. */
   conservative_m: number | null;
   chassis: "whole" | "level";
   fold: boolean;
@@ -26,7 +24,6 @@ export interface PostureWish {
 
 export const USUAL_WISH: PostureWish = {
   regular_m: null,
-  conservative: false,
   conservative_m: null,
   chassis: "whole",
   fold: true,
@@ -35,12 +32,12 @@ export const USUAL_WISH: PostureWish = {
 
 /** The request; what is as usual is left to the server. */
 export function postureRequest(leg: string, wish: PostureWish): PostureRequest {
-  const { regular_m, conservative, conservative_m, chassis, fold, replace } = wish;
+  const { regular_m, conservative_m, chassis, fold, replace } = wish;
   return {
     advice: {
       leg,
       ...(regular_m !== null && { regular_m }),
-      ...(conservative && { conservative_m: conservative_m ?? 0 }),
+      ...(conservative_m !== null && { conservative_m }),
       ...(chassis !== USUAL_WISH.chassis && { chassis }),
       ...(!fold && { fold }),
       ...(!replace && { replace }),

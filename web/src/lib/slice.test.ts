@@ -7,6 +7,10 @@ describe("the energy slice", () => {
     const points = slicePoints({ length_m: 1.2, height_m: [0.4, 0.3, 0.1, 0] });
     expect(points.map((p) => p.at_m)).toEqual([0, expect.closeTo(0.4), expect.closeTo(0.8), 1.2]);
     expect(points[2]!.rise_m).toBe(0.1);
+    const past = slicePoints({ length_m: 1.2, height_m: [0.4, 0.1, -0.3, -0.9] });
+    expect(past).toHaveLength(3);
+    expect(past[2]).toEqual({ at_m: expect.closeTo(0.5, 12), rise_m: 0 });
+    expect(slicePoints({ length_m: 1, height_m: [-0.1, -0.2] })).toEqual([]);
     expect(slicePoints({ length_m: 1, height_m: [0.4] })).toEqual([]);
     expect(slicePoints({ length_m: NaN, height_m: [0, 1] })).toEqual([]);
   });

@@ -9,11 +9,16 @@ export interface SlicePoint {
   rise_m: number;
 }
 
-/** Even distances from the center of mass to the end of the slice. */
+/** From the center of mass to where nothing is left to rise: beyond, the rover tips by itself. */
 export function slicePoints({ length_m, height_m }: EnergySlice): SlicePoint[] {
   const n = height_m.length;
   if (n < 2 || !(length_m >= 0)) return [];
-  return height_m.map((rise_m, i) => ({ at_m: (i / (n - 1)) * length_m, rise_m }));
+  const all = height_m.map((rise_m, i) => ({ at_m: (i / (n - 1)) * length_m, rise_m }));
+  const beyond = all.findIndex((p) => p.rise_m <= 0);
+  if (beyond < 1) return beyond === 0 ? [] : all;
+  const [a, b] = [all[beyond - 1]!, all[beyond]!];
+  const s = a.rise_m / (a.rise_m - b.rise_m);
+  return [...all.slice(0, beyond), { at_m: a.at_m + s * (b.at_m - a.at_m), rise_m: 0 }];
 }
 
 /** A round end of an axis that holds a value. */

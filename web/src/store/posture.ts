@@ -14,6 +14,8 @@ import { useSelection } from "./selection";
 import { shown } from "./streamState";
 
 export interface PostureState {
+  /** The panel is open. */
+  open: boolean;
   wish: PostureWish;
   /** Being asked for; the job only of the live rover. */
   asking: { leg: string; job: JobReport | null } | null;
@@ -30,6 +32,7 @@ export interface PostureState {
 const NOTHING = { asking: null, answer: null, basis: null, failure: null, taking: null };
 
 export const usePosture = create<PostureState>(() => ({
+  open: false,
   wish: USUAL_WISH,
   ...NOTHING,
   without: null,
@@ -112,6 +115,8 @@ export async function takeUp(proposal: number): Promise<void> {
     if (usePosture.getState().answer !== answer) return;
     lookAt("", null);
     takePlan(plan, basis);
+    // What was taken up is looked at next: it has the room.
+    set({ open: false });
   } catch (error) {
     set({ failure: sentenceOf(error) });
   } finally {
@@ -125,6 +130,11 @@ export const offered = (answer: PostureAnswer | null): PostureProposal[] =>
 /** An answer is about one leg: another choice ends it. */
 useSelection.subscribe((now, before) => {
   if (now.leg !== before.leg) dropAdvice();
+});
+
+/** ... and about one rover: live, or of a replay. */
+useConsole.subscribe((now, before) => {
+  if (now.stream.replayState?.id !== before.stream.replayState?.id) dropAdvice();
 });
 
 interface Question {

@@ -6,6 +6,7 @@ import { create } from "zustand";
 import { sentenceOf } from "../api/client";
 import type { JobReport, PostureAnswer } from "../api/types";
 import { askShown, lookAt } from "./posture";
+import { useConsole } from "./console";
 import { shownBasis } from "./reach";
 
 export interface RehearsalState {
@@ -53,3 +54,8 @@ export function cancelRehearsal(): void {
   lookAt("", null);
   set({ ...NOTHING });
 }
+
+/** It is about one rover: live, or of a replay. */
+useConsole.subscribe((now, before) => {
+  if (now.stream.replayState?.id !== before.stream.replayState?.id) cancelRehearsal();
+});

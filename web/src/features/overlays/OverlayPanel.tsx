@@ -60,7 +60,14 @@ function ReachLegend() {
   const anyPlanned = planned !== null && planned.found + planned.none > 0;
   return (
     <>
-      <Legend styles={anyPlanned || busy ? [...PLANNED, ...REACHABILITY] : REACHABILITY} />
+      {planned && (anyPlanned || busy) ? (
+        <Legend
+          styles={[...PLANNED, ...REACHABILITY]}
+          counts={{ 6: planned.found, 7: planned.none, 4: planned.open }}
+        />
+      ) : (
+        <Legend styles={REACHABILITY} />
+      )}
       <p
         className="small quiet"
         role="status"
@@ -85,7 +92,7 @@ function PlannedCells({ leg, count }: { leg: string; count: ReturnType<typeof pl
   if (of) {
     return of.leg === leg ? (
       <JobRow
-        job={job && { ...job, doing: `${count.found} of ${count.found + count.none} plannable` }}
+        job={job && { ...job, doing: "Plans to each cell" }}
         waiting="Waiting for a worker"
         cancel={cancelPlannable}
         testId="plannable"
@@ -101,17 +108,6 @@ function PlannedCells({ leg, count }: { leg: string; count: ReturnType<typeof pl
   }
   return (
     <>
-      {count.found + count.none > 0 && (
-        <p className="small" data-testid="planned-count">
-          <span className="num">{count.found}</span> plannable,{" "}
-          <span className="num">{count.none}</span> without a plan
-          {count.open > 0 && (
-            <span className="quiet">
-              , <span className="num">{count.open}</span> open
-            </span>
-          )}
-        </p>
-      )}
       {count.open > 0 && (
         <button
           type="button"
@@ -128,13 +124,19 @@ function PlannedCells({ leg, count }: { leg: string; count: ReturnType<typeof pl
   );
 }
 
-function Legend({ styles }: { styles: ClassStyle[] }) {
+function Legend(props: { styles: ClassStyle[]; counts?: Record<number, number> }) {
+  const { styles, counts = {} } = props;
   return (
     <ul className="legend">
       {styles.map((style) => (
         <li key={style.value} className="row">
           <Swatch style={style} />
           {style.name}
+          {counts[style.value] !== undefined && (
+            <span className="num quiet" data-testid={`legend-count-${style.value}`} title="Cells">
+              {counts[style.value]}
+            </span>
+          )}
         </li>
       ))}
     </ul>

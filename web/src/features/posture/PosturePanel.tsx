@@ -2,8 +2,6 @@
 // asked for.
 
 import { ChevronDown, ChevronRight } from "lucide-react";
-import { useState } from "react";
-
 import type { PostureAdvice } from "../../api/types";
 import { legLabel } from "../../lib/format";
 import { type PostureWish, USUAL_WISH, withoutLeg } from "../../lib/posture";
@@ -20,7 +18,7 @@ import "./posture.css";
 
 export function PosturePanel() {
   const leg = useSelection((s) => s.leg);
-  const [open, setOpen] = useState(false);
+  const open = usePosture((s) => s.open);
   if (leg === null) return null;
   const Arrow = open ? ChevronDown : ChevronRight;
   return (
@@ -31,7 +29,7 @@ export function PosturePanel() {
         aria-expanded={open}
         data-testid="posture"
         title={`What to change before ${legLabel(leg)} is lifted`}
-        onClick={() => setOpen(!open)}
+        onClick={() => usePosture.setState({ open: !open })}
       >
         <Arrow size={14} aria-hidden />
         Posture
@@ -115,41 +113,27 @@ function Wish() {
           set={(regular_m) => set({ regular_m })}
         />
         <NumberField
-          label="after one more loss (m)"
-          title="Margin that is left should one more leg be lost; only with the preference conservative"
-          testId="posture-conservative-m"
+          label="Conservative (m)"
+          title="Margin that is left should one more leg be lost; not asked for where nothing is filled in"
+          testId="posture-conservative"
           value={wish.conservative_m}
-          usual="0.00"
+          usual="not asked for"
           step={0.05}
           max={10}
-          disabled={!wish.conservative}
           set={(conservative_m) => set({ conservative_m })}
         />
       </div>
-      <div className="posture-wish">
-        <Segments
-          name="posture-preference"
-          label="Preference"
-          choices={[
-            ["regular", "Regular", "The margin rule, and the margin wanted"],
-            ["conservative", "Conserv.", "The loss of any one more leg is survived too"],
-          ]}
-          value={wish.conservative ? "conservative" : "regular"}
-          set={(value) => set({ conservative: value === "conservative" })}
-          testId="posture-preference"
-        />
-        <Segments
-          name="posture-chassis"
-          label="The chassis moves"
-          choices={[
-            ["whole", "All ways", "The chassis may rise, lean and turn"],
-            ["level", "Level", "The chassis keeps its height and attitude"],
-          ]}
-          value={wish.chassis}
-          set={(chassis) => set({ chassis })}
-          testId="posture-chassis"
-        />
-      </div>
+      <Segments
+        name="posture-chassis"
+        label="How the chassis may move"
+        choices={[
+          ["whole", "Chassis all ways", "The chassis may rise, lean and turn too"],
+          ["level", "Chassis level", "The chassis keeps its height and attitude"],
+        ]}
+        value={wish.chassis}
+        set={(chassis) => set({ chassis })}
+        testId="posture-chassis"
+      />
       <div className="row between">
         <Check label="Fold the leg first" on={wish.fold} set={(fold) => set({ fold })} />
         <Check label="Move another foot" on={wish.replace} set={(replace) => set({ replace })} />

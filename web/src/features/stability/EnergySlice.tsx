@@ -7,11 +7,11 @@ import { metres, signless } from "../../lib/format";
 import { headingWords, roundUp, slicePoints } from "../../lib/slice";
 import { startSlice, useSlice } from "../../store/slice";
 
-const [W, H] = [280, 84];
+const [W, H] = [280, 88];
 const LEFT = 30;
 const RIGHT = 4;
 const TOP = 6;
-const BOTTOM = 16;
+const BOTTOM = 20;
 const STEP_DEG = 5;
 
 export function EnergySlice() {
@@ -66,12 +66,13 @@ function Plot({ slice }: { slice: Slice }) {
   const points = slicePoints(slice);
   const here = points[0]?.rise_m ?? 0;
   const most = roundUp(Math.max(0.01, ...points.map((p) => p.rise_m)));
-  const far = Math.max(slice.length_m, 1e-6);
+  const ends = points.at(-1)?.at_m ?? 0;
+  const far = Math.max(ends, 1e-6);
   const x = (m: number) => LEFT + (m / far) * (W - LEFT - RIGHT);
   const y = (m: number) => TOP + (1 - m / most) * (H - TOP - BOTTOM);
   const path = points.map((p) => `${x(p.at_m).toFixed(1)} ${y(p.rise_m).toFixed(1)}`).join("L");
   const decimals = most < 0.2 ? 2 : 1;
-  const ends = slice.length_m;
+  if (points.length < 2) return <p className="small">The rover tips by itself.</p>;
   return (
     <svg
       className="slice-plot"
@@ -94,11 +95,11 @@ function Plot({ slice }: { slice: Slice }) {
       <text className="strip-text" x={x(0) + 7} y={y(here) - 3} textAnchor="start">
         {metres(here)} here
       </text>
-      <text className="strip-text" x={LEFT} y={H - 3} textAnchor="start">
+      <text className="strip-text" x={LEFT} y={H - 5} textAnchor="start">
         center of mass
       </text>
-      <text className="strip-text" x={W - RIGHT} y={H - 3} textAnchor="end">
-        {metres(ends)} on
+      <text className="strip-text" x={W - RIGHT} y={H - 5} textAnchor="end">
+        tips after {metres(ends)}
       </text>
     </svg>
   );

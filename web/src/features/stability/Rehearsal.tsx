@@ -72,7 +72,7 @@ export function Rehearsal() {
         <p className="quiet small">
           {old
             ? "For the stance before; rehearsed anew when the rover is still."
-            : "Margin that is left; point at a mark for what follows."}
+            : "Margin left. Point at a mark for what follows."}
         </p>
       )}
       {!rehearsal && !busy && !failure && (
