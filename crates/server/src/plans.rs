@@ -392,4 +392,50 @@ mod tests {
             assert!((x - begin - moved).abs() < 1e-9, "{n_done} done: {x}");
         }
     }
+
+    #[test]
+    fn a_posture_that_moves_nothing_or_was_refused_is_no_plan() {
+        let robot = Robots::new(Vec::new()).load(&At::root("robot"), "athlete").unwrap();
+        let plan = plan(&robot).answer;
+        let margins = json!({
+            "standing": [], "regular_m": 0.2, "regular_most_m": 1.0, "settlement_m": 0.1,
+            "conservative_region": "area", "conservative_m": 0.1, "conservative_most_m": 0.2,
+            "torque_ratio": 0.1, "torque_joint": "leg1_knee_pitch"
+        });
+        let finding = json!({ "check": "clearance", "ok": true, "margin": 0.1, "where": null,
+                              "detail": null });
+        let proposal = json!({
+            "change": "chassis", "replaced_leg": null, "leg": "leg2", "waypoints": plan.waypoints,
+            "commands": plan.commands, "retreat": [], "margins": margins, "findings": [finding],
+            "end": plan.waypoints[0].stance, "cost": wire::analysis::PostureCost::default()
+        });
+        let answer = |outcome: &str, proposal: serde_json::Value| -> PostureAnswer {
+            let best = json!({
+                "posture": proposal, "missing_m": 0.1,
+                "barrier": { "name": "search", "missing": null, "unit": "m", "detail": "" }
+            });
+            let advice = json!({
+                "leg": "leg2", "outcome": outcome, "before": margins, "limits": [],
+                "proposals": if outcome == "found" { json!([proposal]) } else { json!([]) },
+                "best": if outcome == "found" { json!(null) } else { best }, "poses_looked_at": 1
+            });
+            serde_json::from_value(json!({ "advice": advice, "basis": plan.basis })).unwrap()
+        };
+        let made = of_posture(&robot, "p", &answer("found", proposal.clone()), 0).unwrap();
+        assert_eq!((made.answer.outcome.as_str(), made.answer.commands.len()), ("found", 3));
+        let code = |changed: serde_json::Value, index| {
+            let mut proposal = proposal.clone();
+            let fields = proposal.as_object_mut().unwrap();
+            fields.extend(changed.as_object().unwrap().clone());
+            let made = of_posture(&robot, "p", &answer("best", proposal), index);
+            made.map_or_else(|error| error.0.code, |plan| plan.answer.outcome)
+        };
+        assert_eq!(code(json!({}), 0), "found");
+        assert_eq!(code(json!({}), 1), "proposal_index");
+        assert_eq!(code(json!({ "waypoints": [] }), 0), "plan_not_sendable");
+        assert_eq!(code(json!({ "commands": [] }), 0), "plan_not_sendable");
+        let mut failed = finding.clone();
+        failed["ok"] = json!(false);
+        assert_eq!(code(json!({ "findings": [failed] }), 0), "plan_not_sendable");
+    }
 }

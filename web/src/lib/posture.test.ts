@@ -104,14 +104,17 @@ describe("what it answers", () => {
   });
 
   it("says whether the rule holds without the leg", () => {
-    const met = { outcome: "already_met", before: margins(0.3) } as PostureAdvice;
-    expect(withoutLeg(met)).toEqual({ status: "normal", says: "0.30 m margin without it" });
-    const short = {
-      outcome: "best",
-      before: margins(-0.1),
-      best: { missing_m: 0.2 },
-    } as PostureAdvice;
-    expect(withoutLeg(short)).toEqual({ status: "caution", says: "0.20 m short without it" });
+    const told = (before: Partial<PostureMargins>, outcome: PostureAdvice["outcome"] = "best") =>
+      withoutLeg({ outcome, before: { ...margins(0.3), ...before } }, 0.15);
+    expect(told({}, "already_met")).toEqual({ status: "normal", says: "0.30 m margin without it" });
+    expect(told({ regular_m: -0.05 })).toEqual({
+      status: "caution",
+      says: "0.20 m short without it",
+    });
+    expect(told({ regular_m: null }).says).toBe("no margin without it");
+    expect(told({ settlement_m: -0.1 }).says).toBe("tips on settling without it");
+    expect(told({ torque_ratio: 1.2 }).says).toBe("a joint overloaded without it");
+    expect(told({}).says).toBe("rule not met without it");
   });
 });
 

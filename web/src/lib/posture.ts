@@ -149,14 +149,26 @@ export interface WithoutLeg {
   says: string;
 }
 
-/** Whether the margin rule holds with the leg up, and if not by how much it fails. */
-export function withoutLeg({ outcome, before, best }: PostureAdvice): WithoutLeg {
+/** Whether the margin rule holds with the leg up, and if not in what it fails. */
+export function withoutLeg(
+  { outcome, before }: Pick<PostureAdvice, "outcome" | "before">,
+  needed_m: number,
+): WithoutLeg {
+  const { regular_m, settlement_m, torque_ratio } = before;
   if (outcome === "already_met") {
-    return { status: "normal", says: `${metres(before.regular_m)} margin without it` };
+    return { status: "normal", says: `${metres(regular_m)} margin without it` };
   }
-  const missing = best?.missing_m;
-  const short = missing == null ? "no margin without it" : `${metres(missing)} short without it`;
-  return { status: "caution", says: short };
+  const fails =
+    regular_m == null
+      ? "no margin"
+      : regular_m < needed_m
+        ? `${metres(needed_m - regular_m)} short`
+        : (settlement_m ?? 0) < 0
+          ? "tips on settling"
+          : (torque_ratio ?? 0) > 1
+            ? "a joint overloaded"
+            : "rule not met";
+  return { status: "caution", says: `${fails} without it` };
 }
 
 export interface AftermathCell {

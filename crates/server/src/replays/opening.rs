@@ -17,7 +17,7 @@ use crate::stop::Stop;
 /// Bytes between two tellings of how far the reading is.
 const TOLD_EACH: u64 = 1 << 20;
 /// Share of the work that is done when all bytes are read.
-const READ_SHARE: f64 = 0.7;
+const READ_SHARE: f64 = 0.45;
 
 /// A log to be played.
 pub struct Opening {

@@ -32,6 +32,7 @@ async fn a_posture_that_was_offered_is_a_plan_like_any_other_there_and_back() {
     // One that moves the chassis only, one that lifts and folds the leg before.
     for (leg, margin_m, first) in [("leg1", 0.2, "shift"), ("leg2", 0.3, "lift")] {
         let ground = Ground::start().await;
+        let stood = ground.frame().await["contact_points_m"][leg].take();
         let answer = advised(&ground, leg, margin_m).await;
         assert_eq!(answer["advice"]["outcome"], "found", "{answer}");
         let offered = &answer["advice"]["proposals"][0];
@@ -75,6 +76,15 @@ async fn a_posture_that_was_offered_is_a_plan_like_any_other_there_and_back() {
         };
         ground.until("the posture", at(end["base"]["position_m"].clone())).await;
 
+        // What it was taken up for: the leg steps with the wished margin and no shift of the body first.
+        let [x, y] = [0, 1].map(|i| stood[i].as_f64().unwrap() + 0.1);
+        let target = json!({ "position_m": [x, y, 0.0] });
+        let step = json!({ "leg": leg, "target": target, "stability": "conservative" });
+        let report = ground.job(&ground.post("plans", &step).await).await;
+        let step = ground.get(report["result"].as_str().unwrap()).await.json();
+        assert_eq!(step["outcome"], "found", "{leg}: {}", step["reason"]);
+        assert!(step["commands"].as_array().unwrap().iter().all(|c| c["phase"] != "shift"));
+
         // What was offered for the stance before does not fit any more.
         let late = taken_up(&ground, &answer, 0).await;
         assert_eq!((late.status.as_u16(), late.code().as_str()), (409, "basis_changed"));
@@ -102,13 +112,17 @@ async fn what_was_not_offered_is_not_taken_up() {
     assert_eq!(met["advice"]["outcome"], "already_met", "{met}");
     assert_eq!(taken_up(&ground, &met, 0).await.code(), "proposal_index");
 
-    // A wish beyond what these feet allow, without work: the best posture is where the rover stands.
-    let far = json!({ "advice": { "leg": "leg1", "regular_m": 5.0, "fold": false, "replace": false }, "budget": 0 });
+    // Where the wish cannot be met, the best posture alone is offered.
+    let far = json!({ "leg": "leg1", "regular_m": 5.0, "fold": false, "replace": false });
+    let far = json!({ "advice": far, "budget": 0 });
     let report = ground.job(&ground.post("rover/posture", &far).await).await;
     let best = ground.get(report["result"].as_str().unwrap()).await.json();
     assert_eq!(best["advice"]["outcome"], "best", "{best}");
-    let refused = taken_up(&ground, &best, 0).await;
-    assert_eq!((refused.status.as_u16(), refused.code().as_str()), (409, "plan_not_sendable"));
+    let plan = taken_up(&ground, &best, 0).await.json();
+    assert_eq!(plan["posture"]["wish_met"], false, "{plan}");
+    assert_eq!(plan["commands"], best["advice"]["best"]["posture"]["commands"]);
+    let beyond = taken_up(&ground, &best, 1).await;
+    assert_eq!((beyond.status.as_u16(), beyond.code().as_str()), (422, "proposal_index"));
     let other = ground.post("rover/posture/x/plans", &json!({ "proposals": 0 })).await;
     assert_eq!(other.code(), "unknown_field");
 }

@@ -43,9 +43,10 @@ export function PosturePanel() {
 /** Whether the margin rule holds as the rover stands with the leg up. */
 function Without({ leg }: { leg: string }) {
   const without = usePosture((s) => s.without);
+  const needed_m = useConsole((s) => s.model?.margin_m ?? 0);
   const advice = without?.leg === leg ? without.answer.advice : null;
   if (!advice) return null;
-  const { status, says } = withoutLeg(advice);
+  const { status, says } = withoutLeg(advice, needed_m);
   return (
     <span
       className="quiet small posture-without"
@@ -159,6 +160,7 @@ function Answer({ advice }: { advice: PostureAdvice }) {
   const answer = usePosture((s) => s.answer);
   const basis = usePosture((s) => s.basis);
   const old = useConsole(shownBasis) !== basis;
+  const replaying = useConsole((s) => s.stream.replayState !== null);
   const wish = usePosture((s) => s.wish);
   const usual = JSON.stringify(wish) === JSON.stringify(USUAL_WISH);
   return (
@@ -178,6 +180,9 @@ function Answer({ advice }: { advice: PostureAdvice }) {
         </p>
       )}
       {advice.best && <BestPosture best={advice.best} />}
+      {replaying && offered(answer).length > 0 && (
+        <p className="quiet small">Of a replay: to look at, not to take up.</p>
+      )}
       <ul className="proposals">
         {offered(answer).map((proposal, i) => (
           <Proposal
