@@ -35,7 +35,8 @@ const proposal = (commands: number): PostureProposal =>
 
 describe("what is asked of the adviser", () => {
   it("leaves what is as usual to the server", () => {
-    expect(postureRequest("leg2", USUAL_WISH)).toEqual({ advice: { leg: "leg2" } });
+    const usual = { stability: "regular", drive_hold: false, seed: 1 } as const;
+    expect(postureRequest("leg2", USUAL_WISH, usual)).toEqual({ advice: { leg: "leg2" } });
     const wish = {
       regular_m: 0.3,
       conservative_m: 0,
@@ -43,7 +44,7 @@ describe("what is asked of the adviser", () => {
       fold: false,
       replace: false,
     };
-    expect(postureRequest("leg2", wish)).toEqual({
+    expect(postureRequest("leg2", wish, usual)).toEqual({
       advice: {
         leg: "leg2",
         regular_m: 0.3,
@@ -53,6 +54,17 @@ describe("what is asked of the adviser", () => {
         replace: false,
       },
     });
+  });
+});
+
+describe("what it is asked for with the options of plans", () => {
+  const options = { stability: "conservative", drive_hold: true, seed: 7 } as const;
+
+  it("goes by the preference where the wish says nothing else", () => {
+    const advice = { leg: "leg2", conservative_m: 0, drive_hold: true };
+    expect(postureRequest("leg2", USUAL_WISH, options)).toEqual({ advice, seed: 7 });
+    const wish = { ...USUAL_WISH, conservative_m: 0.2 };
+    expect(postureRequest("leg2", wish, options).advice?.conservative_m).toBe(0.2);
   });
 });
 
@@ -104,8 +116,9 @@ describe("what it answers", () => {
   });
 
   it("says whether the rule holds without the leg", () => {
+    let rule = { needed_m: 0.15, conservative: false };
     const told = (before: Partial<PostureMargins>, outcome: PostureAdvice["outcome"] = "best") =>
-      withoutLeg({ outcome, before: { ...margins(0.3), ...before } }, 0.15);
+      withoutLeg({ outcome, before: { ...margins(0.3), ...before } }, rule);
     expect(told({}, "already_met")).toEqual({ status: "normal", says: "0.30 m margin without it" });
     expect(told({ regular_m: -0.05 })).toEqual({
       status: "caution",
@@ -115,6 +128,8 @@ describe("what it answers", () => {
     expect(told({ settlement_m: -0.1 }).says).toBe("tips on settling without it");
     expect(told({ torque_ratio: 1.2 }).says).toBe("a joint overloaded without it");
     expect(told({}).says).toBe("rule not met without it");
+    rule = { ...rule, conservative: true };
+    expect(told({}).says).toBe("a loss tips it without it");
   });
 });
 

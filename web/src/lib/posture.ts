@@ -7,6 +7,7 @@ import type {
   PostureMargins,
   PostureProposal,
   PostureRequest,
+  StabilityPreference,
 } from "../api/types";
 import type { Status } from "../store/causes";
 import { capital, degrees, legLabel, metres, percent, readable } from "./format";
@@ -30,9 +31,29 @@ export const USUAL_WISH: PostureWish = {
   replace: true,
 };
 
+/** How plans are to be made, as far as it concerns a posture: the step after it is made so too. */
+export interface PostureOptions {
+  stability: StabilityPreference;
+  drive_hold: boolean;
+  seed: number;
+}
+
+/** The conservative margin that is asked for, by the wish or by the preference of plans (m). */
+export function conservativeWish(
+  wish: Pick<PostureWish, "conservative_m">,
+  { stability }: Pick<PostureOptions, "stability">,
+): number | null {
+  return wish.conservative_m ?? (stability === "conservative" ? 0 : null);
+}
+
 /** The request; what is as usual is left to the server. */
-export function postureRequest(leg: string, wish: PostureWish): PostureRequest {
-  const { regular_m, conservative_m, chassis, fold, replace } = wish;
+export function postureRequest(
+  leg: string,
+  wish: PostureWish,
+  options: PostureOptions,
+): PostureRequest {
+  const { regular_m, chassis, fold, replace } = wish;
+  const conservative_m = conservativeWish(wish, options);
   return {
     advice: {
       leg,
@@ -41,7 +62,9 @@ export function postureRequest(leg: string, wish: PostureWish): PostureRequest {
       ...(chassis !== USUAL_WISH.chassis && { chassis }),
       ...(!fold && { fold }),
       ...(!replace && { replace }),
+      ...(options.drive_hold && { drive_hold: true }),
     },
+    ...(options.seed !== 1 && { seed: options.seed }),
   };
 }
 
@@ -149,26 +172,31 @@ export interface WithoutLeg {
   says: string;
 }
 
+export interface RuleAsked {
+  /** Least regular margin (m). */
+  needed_m: number;
+  /** Must one more loss be survived too? */
+  conservative: boolean;
+}
+
 /** Whether the margin rule holds with the leg up, and if not in what it fails. */
 export function withoutLeg(
   { outcome, before }: Pick<PostureAdvice, "outcome" | "before">,
-  needed_m: number,
+  { needed_m, conservative }: RuleAsked,
 ): WithoutLeg {
-  const { regular_m, settlement_m, torque_ratio } = before;
   if (outcome === "already_met") {
-    return { status: "normal", says: `${metres(regular_m)} margin without it` };
+    return { status: "normal", says: `${metres(before.regular_m)} margin without it` };
   }
-  const fails =
-    regular_m == null
-      ? "no margin"
-      : regular_m < needed_m
-        ? `${metres(needed_m - regular_m)} short`
-        : (settlement_m ?? 0) < 0
-          ? "tips on settling"
-          : (torque_ratio ?? 0) > 1
-            ? "a joint overloaded"
-            : "rule not met";
-  return { status: "caution", says: `${fails} without it` };
+  return { status: "caution", says: `${failing(before, needed_m, conservative)} without it` };
+}
+
+function failing(before: PostureMargins, needed_m: number, conservative: boolean): string {
+  const { regular_m, settlement_m, conservative_m, torque_ratio } = before;
+  if (regular_m == null) return "no margin";
+  if (regular_m < needed_m) return `${metres(needed_m - regular_m)} short`;
+  if ((settlement_m ?? 0) < 0) return "tips on settling";
+  if (conservative && (conservative_m ?? -1) < 0) return "a loss tips it";
+  return (torque_ratio ?? 0) > 1 ? "a joint overloaded" : "rule not met";
 }
 
 export interface AftermathCell {

@@ -4,11 +4,18 @@
 import { create } from "zustand";
 
 import { api, sentenceOf } from "../api/client";
-import type { JobReport, PostureAnswer, PostureProposal, PostureRequest } from "../api/types";
+import type {
+  JobReport,
+  PostureAnswer,
+  PostureProposal,
+  PostureRequest,
+  StabilityPreference,
+} from "../api/types";
 import { Latest } from "../lib/latest";
 import { offeredBy, type PostureWish, postureRequest, USUAL_WISH } from "../lib/posture";
 import { followJob, useConsole } from "./console";
 import { takePlan } from "./plan";
+import { usePlanOptions } from "./planOptions";
 import { shownBasis, shownScene } from "./reach";
 import { useSelection } from "./selection";
 import { shown } from "./streamState";
@@ -26,7 +33,7 @@ export interface PostureState {
   /** The proposal that is being taken up. */
   taking: number | null;
   /** Margins without the chosen leg as the rover stands, and whether the rule holds then. */
-  without: { leg: string; basis: string; answer: PostureAnswer } | null;
+  without: { leg: string; stability: StabilityPreference; answer: PostureAnswer } | null;
 }
 
 const NOTHING = { asking: null, answer: null, basis: null, failure: null, taking: null };
@@ -84,7 +91,7 @@ export async function askAdviser(leg: string): Promise<void> {
   const basis = shownBasis();
   set({ ...NOTHING, asking: { leg, job: null } });
   try {
-    const request = postureRequest(leg, usePosture.getState().wish);
+    const request = postureRequest(leg, usePosture.getState().wish, usePlanOptions.getState());
     const answer = await askShown(
       request,
       flight.signal,
@@ -140,16 +147,18 @@ useConsole.subscribe((now, before) => {
 interface Question {
   leg: string;
   basis: string;
+  stability: StabilityPreference;
 }
 
 const latest = new Latest<Question, PostureAnswer>({
   // Without work the answer is what there is: the margins, and whether the rule holds.
-  ask: ({ leg }, signal) => {
-    const advice = { leg, fold: false, replace: false };
+  ask: ({ leg, stability }, signal) => {
+    const wish = { ...USUAL_WISH, fold: false, replace: false };
+    const { advice } = postureRequest(leg, wish, { stability, drive_hold: false, seed: 1 });
     const scene = shownScene();
     return api.postureAtOnce({ advice, budget: 0, ...(scene && { scene }) }, signal);
   },
-  answered: ({ leg, basis }, answer) => set({ without: { leg, basis, answer } }),
+  answered: ({ leg, stability }, answer) => set({ without: { leg, stability, answer } }),
   failed: () => set({ without: null }),
   late: () => {},
   interval_ms: 500,
@@ -171,14 +180,17 @@ function update(): void {
     return;
   }
   if (state.connection !== "open" || !idle) return;
-  if (wanted?.leg === leg && wanted.basis === basis) return;
-  wanted = { leg, basis };
+  const { stability } = usePlanOptions.getState();
+  if (wanted?.leg === leg && wanted.basis === basis && wanted.stability === stability) return;
+  wanted = { leg, basis, stability };
   latest.want(wanted);
 }
 
 /** Keeps the margins without the chosen leg up to date until the returned function is called. */
 export function startPosture(): () => void {
-  const stops = [useConsole.subscribe(update), useSelection.subscribe(update)];
+  const stops = [useConsole, useSelection, usePlanOptions].map((store) =>
+    (store.subscribe as (listener: () => void) => () => void)(update),
+  );
   update();
   return () => {
     for (const stop of stops) stop();

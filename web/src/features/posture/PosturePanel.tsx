@@ -4,8 +4,9 @@
 import { ChevronDown, ChevronRight } from "lucide-react";
 import type { PostureAdvice } from "../../api/types";
 import { legLabel } from "../../lib/format";
-import { type PostureWish, USUAL_WISH, withoutLeg } from "../../lib/posture";
+import { conservativeWish, type PostureWish, USUAL_WISH, withoutLeg } from "../../lib/posture";
 import { useConsole } from "../../store/console";
+import { usePlanOptions } from "../../store/planOptions";
 import { askAdviser, dropAdvice, offered, usePosture } from "../../store/posture";
 import { shownBasis } from "../../store/reach";
 import { useSelection } from "../../store/selection";
@@ -46,7 +47,8 @@ function Without({ leg }: { leg: string }) {
   const needed_m = useConsole((s) => s.model?.margin_m ?? 0);
   const advice = without?.leg === leg ? without.answer.advice : null;
   if (!advice) return null;
-  const { status, says } = withoutLeg(advice, needed_m);
+  const conservative = without?.stability === "conservative";
+  const { status, says } = withoutLeg(advice, { needed_m, conservative });
   return (
     <span
       className="quiet small posture-without"
@@ -98,6 +100,7 @@ function Adviser({ leg }: { leg: string }) {
 function Wish() {
   const wish = usePosture((s) => s.wish);
   const rule_m = useConsole((s) => s.model?.margin_m ?? 0);
+  const byPreference = usePlanOptions((options) => conservativeWish(USUAL_WISH, options));
   const set = (change: Partial<PostureWish>) =>
     usePosture.setState((s) => ({ wish: { ...s.wish, ...change } }));
   return (
@@ -115,10 +118,10 @@ function Wish() {
         />
         <NumberField
           label="Conservative (m)"
-          title="Margin that is left should one more leg be lost; not asked for where nothing is filled in"
+          title="Margin that is left should one more leg be lost; where nothing is filled in the preference of plans decides"
           testId="posture-conservative"
           value={wish.conservative_m}
-          usual="not asked for"
+          usual={byPreference === null ? "not asked for" : byPreference.toFixed(2)}
           step={0.05}
           max={10}
           set={(conservative_m) => set({ conservative_m })}
