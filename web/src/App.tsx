@@ -23,6 +23,7 @@ import { TelemetryPanel } from "./features/telemetry/TelemetryPanel";
 import { start, useConsole } from "./store/console";
 import { startEnergy } from "./store/energy";
 import { startMargins } from "./store/marginHistory";
+import { startPosture } from "./store/posture";
 import { loadTerrain, useTerrain } from "./store/terrain";
 import { type RightTab, useView } from "./store/view";
 
@@ -47,6 +48,7 @@ export function App() {
   useEffect(start, []);
   useEffect(startMargins, []);
   useEffect(startEnergy, []);
+  useEffect(startPosture, []);
   useHotkeys();
   useTerrainOfVersion();
   useReachability();

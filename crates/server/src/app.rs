@@ -12,7 +12,7 @@ use crate::gate::Gate;
 use crate::jobs::Jobs;
 use crate::live::Live;
 use crate::live_reach::LiveReach;
-use crate::plans::Plans;
+use crate::plans::{Plans, Postures};
 use crate::replays::Replays;
 use crate::robots::Robots;
 use crate::scene::Context;
@@ -42,6 +42,8 @@ pub struct App {
     pub jobs: Jobs,
     /// Plans of the live rover.
     pub plans: Plans,
+    /// What the adviser answered about the live rover.
+    pub postures: Postures,
     /// Replays of logs.
     pub replays: Replays,
     /// The channels that are logged, with their schemas.

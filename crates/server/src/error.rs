@@ -64,6 +64,8 @@ pub const CODES: &[(&str, u16, &str)] = &[
     ("job_unknown", 404, "no such job"),
     ("job_ended", 409, "a job that has ended already"),
     ("plan_unknown", 404, "no such plan"),
+    ("posture_unknown", 404, "no such answer of the posture adviser"),
+    ("proposal_index", 422, "an answer of the posture adviser without a proposal of that index"),
     ("plan_not_sendable", 409, "a plan that was not found or failed its final check"),
     ("command_index", 422, "a plan without a command of that index"),
     ("command_invalid", 422, "a command that this rover cannot execute"),

@@ -1,11 +1,15 @@
 //! Plans of the live rover: kept so that their commands can be staged, and checked against what
-//! they rest on before anything is armed or sent.
+//! they rest on before anything is armed or sent. Beside them the adviser's answers about it, whose
+//! postures become plans when an operator takes one up.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use rover::{Configuration, LegId, Robot};
-use wire::analysis::{PlanAnswer, PlanCommand, PlanPhase};
+use wire::analysis::{
+    PlanAnswer, PlanCommand, PlanPosture, PlanStatistics, PostureAnswer, PostureChange,
+    PostureOutcome, PostureProposal,
+};
 use wire::check::At;
 use wire::convert;
 use wire::live::{CommandBody, PlanCommandRef, RoverTelemetry};
@@ -14,6 +18,10 @@ use crate::error::ApiError;
 
 /// Plans kept.
 const PLANS_MAX: usize = 200;
+/// Answers of the adviser kept.
+const POSTURES_MAX: usize = 20;
+/// How far times may be apart that are the same (s).
+const SAME_TIME_S: f64 = 1e-6;
 /// How far a joint may be from where a plan took it to be (rad).
 pub const BASIS_JOINT_RAD: f64 = 0.01;
 /// How far the base may be from there (m).
@@ -50,6 +58,90 @@ impl Plans {
         plans.get(id).cloned().ok_or_else(|| {
             ApiError::new("plan_unknown", "there is no such plan; only the newest ones are kept")
         })
+    }
+}
+
+/// The adviser's answers kept.
+#[derive(Default)]
+pub struct Postures(Mutex<BTreeMap<String, Arc<PostureAnswer>>>);
+
+impl Postures {
+    /// Keeps an answer under its id; the oldest gives way.
+    pub fn put(&self, id: &str, answer: PostureAnswer) {
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        while kept.len() >= POSTURES_MAX {
+            kept.pop_first();
+        }
+        kept.insert(id.into(), Arc::new(answer));
+    }
+
+    /// An answer by its id.
+    pub fn get(&self, id: &str) -> Result<Arc<PostureAnswer>, ApiError> {
+        let kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.get(id).cloned().ok_or_else(|| {
+            let message = "there is no such answer of the adviser; only the newest ones are kept";
+            ApiError::new("posture_unknown", message)
+        })
+    }
+}
+
+/// What the adviser offered, as a plan: its motion is certified and its findings are those of the
+/// final check, as of any plan.
+pub fn of_posture(
+    robot: &Robot,
+    id: &str,
+    answer: &PostureAnswer,
+    proposal: usize,
+) -> Result<StoredPlan, ApiError> {
+    let unknown = |n: usize| {
+        let message = format!("proposal is {proposal}; {n} postures are offered, counted from 0");
+        ApiError::new("proposal_index", message)
+    };
+    let advice = answer.advice.as_ref().ok_or_else(|| unknown(0))?;
+    let offered = advice.offered().nth(proposal);
+    let offered = offered.ok_or_else(|| unknown(advice.offered().count()))?;
+    let refused = |message: &str| ApiError::new("plan_not_sendable", message);
+    let Some(start) = offered.waypoints.first().and_then(|knot| knot.stance.as_ref()) else {
+        return Err(refused("nothing has to move for this posture: the rover has it already"));
+    };
+    if offered.commands.is_empty() || !offered.findings.iter().all(|finding| finding.ok) {
+        return Err(refused("the posture did not pass the final check; ask the adviser anew"));
+    }
+    let start = convert::configuration(&At::root("start"), robot, start)?;
+    let wish_met = advice.outcome == PostureOutcome::Found;
+    let answer = PlanAnswer {
+        id: Some(id.into()),
+        outcome: "found".into(),
+        reason: Some(in_words(&advice.leg, offered)),
+        leg: offered.leg.clone(),
+        target_m: None,
+        waypoints: offered.waypoints.clone(),
+        commands: offered.commands.clone(),
+        findings: offered.findings.clone(),
+        statistics: PlanStatistics { certified: true, ..PlanStatistics::default() },
+        basis: answer.basis.clone(),
+        footfall: None,
+        margins: Default::default(),
+        constraint: None,
+        nearest_m: None,
+        retreat: offered.retreat.clone(),
+        preload_n: None,
+        posture: Some(PlanPosture { leg: advice.leg.clone(), change: offered.change, wish_met }),
+    };
+    Ok(StoredPlan { answer, start })
+}
+
+/// What moves, and what for.
+fn in_words(leg: &str, offered: &PostureProposal) -> String {
+    match (offered.change, &offered.replaced_leg) {
+        (PostureChange::Chassis, _) => format!("the chassis moves before {leg} is lifted"),
+        (PostureChange::Fold, _) => format!("{leg} is lifted and folded, then the chassis moves"),
+        (PostureChange::Replace, Some(other)) => {
+            format!("{other} is put down elsewhere before {leg} is lifted")
+        }
+        (PostureChange::Replace, None) => {
+            format!("another foot is put down elsewhere before {leg} is lifted")
+        }
     }
 }
 
@@ -90,18 +182,18 @@ impl StoredPlan {
     pub fn after(&self, robot: &Robot, n_done: usize) -> Configuration {
         let mut configuration = self.start.clone();
         let commands = &self.answer.commands;
-        for command in commands.iter().take(n_done) {
+        let done = || commands.iter().take(n_done);
+        for command in done() {
             apply(robot, &command.body, End::Last, &mut configuration);
-            if matches!(command.body, CommandBody::BodyPath { .. }) {
-                let shifted = self.answer.waypoints.iter().rev().find_map(|waypoint| {
-                    let state = waypoint.stance.as_ref()?;
-                    (waypoint.phase == PlanPhase::Shift).then_some(&state.base)
-                });
-                let at = At::root("stance");
-                if let Some(base) = shifted.and_then(|base| convert::isometry(&at, base).ok()) {
-                    configuration.world_from_base = base;
-                }
-            }
+        }
+        // Commands follow each other without a pause, as the knots of the plan do.
+        let until_s = done().map(|command| command.duration_s).sum::<f64>() + SAME_TIME_S;
+        let knots = self.answer.waypoints.iter().rev();
+        let stance = knots.filter(|knot| knot.time_s <= until_s).find_map(|k| k.stance.as_ref());
+        let shifted = stance.filter(|_| done().any(is_shift));
+        let at = At::root("stance");
+        if let Some(base) = shifted.and_then(|state| convert::isometry(&at, &state.base).ok()) {
+            configuration.world_from_base = base;
         }
         if let Some(command) = commands.get(n_done) {
             apply(robot, &command.body, End::First, &mut configuration);
@@ -113,7 +205,7 @@ impl StoredPlan {
     fn shifts_before(&self, of: &PlanCommandRef) -> bool {
         let mut before = self.answer.commands.iter().take(of.index);
         // What is undone is done: a shift is not under way any more.
-        !of.retreat && before.any(|command| matches!(command.body, CommandBody::BodyPath { .. }))
+        !of.retreat && before.any(is_shift)
     }
 
     /// Why the plan may not be used for this command of it now; `None` if it may.
@@ -154,6 +246,10 @@ impl StoredPlan {
         }
         None
     }
+}
+
+fn is_shift(command: &PlanCommand) -> bool {
+    matches!(command.body, CommandBody::BodyPath { .. })
 }
 
 /// Which knot of a path.
@@ -278,5 +374,68 @@ mod tests {
         frame.state = convert::rover_state(&robot, &plan.start);
         let moved = stale_of(&frame, of(2, true), When::Staging).unwrap();
         assert_eq!(moved, "the rover's body has moved");
+    }
+    #[test]
+    fn where_the_body_shifts_twice_each_shift_counts_when_it_is_done() {
+        let robot = Robots::new(Vec::new()).load(&At::root("robot"), "athlete").unwrap();
+        let mut plan = plan(&robot);
+        let mut far = plan.start.clone();
+        far.world_from_base.translation.vector.x += 0.3;
+        let again = plan.answer.commands[0].clone();
+        plan.answer.commands.push(again);
+        let mut knot = plan.answer.waypoints[0].clone();
+        (knot.time_s, knot.stance) = (4.0, Some(convert::rover_state(&robot, &far)));
+        plan.answer.waypoints.push(knot);
+        let begin = plan.start.world_from_base.translation.vector.x;
+        for (n_done, moved) in [(0, 0.0), (1, 0.1), (2, 0.1), (3, 0.1), (4, 0.3)] {
+            let x = plan.after(&robot, n_done).world_from_base.translation.vector.x;
+            assert!((x - begin - moved).abs() < 1e-9, "{n_done} done: {x}");
+        }
+    }
+
+    #[test]
+    fn a_posture_that_moves_nothing_or_was_refused_is_no_plan() {
+        let robot = Robots::new(Vec::new()).load(&At::root("robot"), "athlete").unwrap();
+        let plan = plan(&robot).answer;
+        let margins = json!({
+            "standing": [], "regular_m": 0.2, "regular_most_m": 1.0, "settlement_m": 0.1,
+            "conservative_region": "area", "conservative_m": 0.1, "conservative_most_m": 0.2,
+            "torque_ratio": 0.1, "torque_joint": "leg1_knee_pitch"
+        });
+        let finding = json!({ "check": "clearance", "ok": true, "margin": 0.1, "where": null,
+                              "detail": null });
+        let proposal = json!({
+            "change": "chassis", "replaced_leg": null, "leg": "leg2", "waypoints": plan.waypoints,
+            "commands": plan.commands, "retreat": [], "margins": margins, "findings": [finding],
+            "end": plan.waypoints[0].stance, "cost": wire::analysis::PostureCost::default()
+        });
+        let answer = |outcome: &str, proposal: serde_json::Value| -> PostureAnswer {
+            let best = json!({
+                "posture": proposal, "missing_m": 0.1,
+                "barrier": { "name": "search", "missing": null, "unit": "m", "detail": "" }
+            });
+            let advice = json!({
+                "leg": "leg2", "outcome": outcome, "before": margins, "limits": [],
+                "proposals": if outcome == "found" { json!([proposal]) } else { json!([]) },
+                "best": if outcome == "found" { json!(null) } else { best }, "poses_looked_at": 1
+            });
+            serde_json::from_value(json!({ "advice": advice, "basis": plan.basis })).unwrap()
+        };
+        let made = of_posture(&robot, "p", &answer("found", proposal.clone()), 0).unwrap();
+        assert_eq!((made.answer.outcome.as_str(), made.answer.commands.len()), ("found", 3));
+        let code = |changed: serde_json::Value, index| {
+            let mut proposal = proposal.clone();
+            let fields = proposal.as_object_mut().unwrap();
+            fields.extend(changed.as_object().unwrap().clone());
+            let made = of_posture(&robot, "p", &answer("best", proposal), index);
+            made.map_or_else(|error| error.0.code, |plan| plan.answer.outcome)
+        };
+        assert_eq!(code(json!({}), 0), "found");
+        assert_eq!(code(json!({}), 1), "proposal_index");
+        assert_eq!(code(json!({ "waypoints": [] }), 0), "plan_not_sendable");
+        assert_eq!(code(json!({ "commands": [] }), 0), "plan_not_sendable");
+        let mut failed = finding.clone();
+        failed["ok"] = json!(false);
+        assert_eq!(code(json!({ "findings": [failed] }), 0), "plan_not_sendable");
     }
 }

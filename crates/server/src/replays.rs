@@ -1,5 +1,7 @@
 //! Replays of logs: each is advanced by a task of its own and heard by any number of listeners.
 
+mod opening;
+
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -11,6 +13,8 @@ use tokio::sync::{Notify, broadcast};
 use wire::resources::{ReplayChange, ReplayState};
 
 use crate::error::ApiError;
+
+pub use opening::Opening;
 
 /// Messages kept for slow listeners of one replay.
 const CAPACITY: usize = 4096;

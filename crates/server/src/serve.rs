@@ -31,7 +31,7 @@ use crate::gate::Gate;
 use crate::jobs::Jobs;
 use crate::live::{Live, LiveParts, derive_for, hash_text};
 use crate::live_reach::{self, LiveReach};
-use crate::plans::Plans;
+use crate::plans::{Plans, Postures};
 use crate::replays::Replays;
 use crate::robots::Robots;
 use crate::scene::Context;
@@ -176,6 +176,7 @@ impl Server {
             replays: Replays::new(config.server.replays_max),
             plans: Plans::default(),
             schemas: schemas(),
+            postures: Postures::default(),
             config,
             clock,
             robots,

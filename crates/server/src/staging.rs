@@ -51,7 +51,8 @@ pub fn check_basis(app: &AppState, plan: &PlanCommandRef, when: When) -> Result<
     }
 }
 
-fn stale(
+/// Why a plan does not hold for a command of it; `None` if it does.
+pub fn stale(
     app: &AppState,
     plan: &StoredPlan,
     of: &PlanCommandRef,

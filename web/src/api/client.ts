@@ -15,9 +15,13 @@ import type {
   PlanAnalysis,
   PlanAnswer,
   PlanRequest,
+  PostureAnswer,
+  PostureRequest,
+  ReachSummary,
   ReplayChange,
   ReplayState,
   RoverAnswer,
+  Scene,
   StabilityAnswer,
   StabilityPreference,
   StabilityRequest,
@@ -77,13 +81,22 @@ async function send(path: string, init: RequestInit = {}): Promise<Response> {
   return response;
 }
 
-async function json<T>(method: string, path: string, body?: unknown, signal?: AbortSignal) {
+async function json<T>(
+  method: string,
+  path: string,
+  body?: unknown,
+  signal?: AbortSignal,
+  headers: Record<string, string> = {},
+) {
   const response = await send(path, {
     method,
     signal: signal ?? null,
     ...(body === undefined
-      ? {}
-      : { body: JSON.stringify(body), headers: { "Content-Type": "application/json" } }),
+      ? { headers }
+      : {
+          body: JSON.stringify(body),
+          headers: { ...headers, "Content-Type": "application/json" },
+        }),
   });
   const text = await response.text();
   return (text === "" ? undefined : JSON.parse(text)) as T;
@@ -117,22 +130,46 @@ export const api = {
 
   stability: (request: StabilityRequest, signal: AbortSignal) =>
     json<StabilityAnswer>("POST", "analysis/stability", request, signal),
-  reachability: (leg: string, stability: StabilityPreference, signal: AbortSignal) =>
+  reachability: (
+    leg: string,
+    stability: StabilityPreference,
+    scene: Scene | undefined,
+    signal: AbortSignal,
+  ) =>
     bytes("analysis/reachability", {
       method: "POST",
       signal,
       headers: { "Content-Type": "application/json", Accept: "application/octet-stream" },
       // Cells and lift are the server's defaults: they go with the robot's scale, as those of plans.
-      body: JSON.stringify({ legs: [leg], stability }),
+      body: JSON.stringify({ legs: [leg], stability, scene }),
     }),
 
-  explainCell: (leg: string, [x, y]: Vec3, stability: StabilityPreference, signal: AbortSignal) =>
+  explainCell: (
+    leg: string,
+    [x, y]: Vec3,
+    stability: StabilityPreference,
+    scene: Scene | undefined,
+    signal: AbortSignal,
+  ) =>
     json<CellExplanation>(
       "POST",
       "analysis/reachability/cell",
-      { leg, position_m: [x, y], stability },
+      { leg, position_m: [x, y], stability, scene },
       signal,
     ),
+
+  liveReach: () => json<ReachSummary>("GET", "rover/reachability"),
+  preferReach: (stability: StabilityPreference) =>
+    json<ReachSummary>("PUT", "rover/reachability", { stability }),
+  liveCells: (leg: string) => bytes(`rover/reachability/${part(leg)}`, { cache: "no-store" }),
+  planToCells: (leg: string) => json<JobReport>("POST", `rover/reachability/${part(leg)}/plans`),
+
+  postureAtOnce: (request: PostureRequest, signal: AbortSignal) =>
+    json<PostureAnswer>("POST", "analysis/posture", request, signal),
+  posture: (request: PostureRequest) => json<JobReport>("POST", "rover/posture", request),
+  postureResult: (path: string) => json<PostureAnswer>("GET", path),
+  planPosture: (id: string, proposal: number) =>
+    json<PlanAnswer>("POST", `rover/posture/${part(id)}/plans`, { proposal }),
 
   planAtOnce: (request: PlanRequest, signal: AbortSignal) =>
     json<PlanAnalysis>("POST", "analysis/plan", request, signal),
@@ -154,7 +191,10 @@ export const api = {
   putLink: (config: LinkConfig) => json<LinkReport>("PUT", "link", config),
 
   logs: () => json<LogList>("GET", "logs"),
-  startReplay: (log: string, rate: number) => json<ReplayState>("POST", "replays", { log, rate }),
+  /** A long log takes its time: it is opened by a job. */
+  startReplay: (log: string, rate: number) =>
+    json<JobReport>("POST", "replays", { log, rate }, undefined, { Prefer: "respond-async" }),
+  replayResult: (path: string) => json<ReplayState>("GET", path),
   changeReplay: (id: string, change: ReplayChange) =>
     json<ReplayState>("PATCH", `replays/${part(id)}`, change),
   endReplay: (id: string) => json<unknown>("DELETE", `replays/${part(id)}`),

@@ -67,6 +67,21 @@ export type StabilityAnswer = Wire<"StabilityAnswer">;
 export type EnergySurface = Wire<"EnergySurface">;
 export type StabilityPreference = Wire<"StabilityPreference">;
 
+export type Scene = Wire<"Scene">;
+export type EnergySlice = Wire<"EnergySlice">;
+export type CellMend = Wire<"CellMend">;
+export type ReachSummary = Wire<"ReachSummary">;
+
+export type PostureRequest = Wire<"PostureRequest">;
+export type PostureAnswer = Wire<"PostureAnswer">;
+export type PostureAdvice = Wire<"PostureAdvice">;
+export type PostureProposal = Wire<"PostureProposal">;
+export type PostureMargins = Wire<"PostureMargins">;
+export type PostureBarrier = Wire<"PostureBarrier">;
+export type PostureAccidents = Wire<"PostureAccidents">;
+export type PostureAftermath = Wire<"PostureAftermath">;
+export type PlanPosture = Wire<"PlanPosture">;
+
 export type CommandBody = Wire<"CommandBody">;
 export type CommandState = Wire<"CommandState">;
 export type CommandRecord = Wire<"CommandRecord">;

@@ -65,3 +65,8 @@ export function isOver({ done, forward, turned, backingOut }: PlanProgress): boo
 export function isBegun({ forward, back }: PlanProgress): boolean {
   return [...forward, ...back].some((r) => r !== undefined);
 }
+
+/** When a command of the plan ends (s after its start): each goes on where the one before it ended. */
+export function endOfCommand({ commands }: Pick<PlanAnswer, "commands">, index: number): number {
+  return commands.slice(0, index + 1).reduce((sum, c) => sum + c.duration_s, 0);
+}

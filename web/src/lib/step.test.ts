@@ -99,6 +99,16 @@ describe("trouble is told where it is", () => {
     ["arm", { plan, commands: [record("armed")], now_ms: T0 + 31_000 }],
   ])("%s", (stage, inputs) => expect(look(inputs)).toBe(stage));
 
+  it("says what comes after a posture that was taken", () => {
+    const posture = { leg: "leg3", change: "chassis", wish_met: true } as const;
+    const of = { ...plan, posture, commands: [plan.commands[0]!] };
+    const done = [record("done")];
+    const progress = planProgress(of, done);
+    const inputs = { leg: "leg3", picked: true, job: null, plan: of, progress, byHand: null };
+    const { stage, sentence } = stepOf({ ...inputs, now_ms: T0 });
+    expect([stage, sentence]).toEqual(["done", "The posture is taken: plan the step of leg 3."]);
+  });
+
   it("a command by hand comes before the plan", () => {
     expect(look({ plan, byHand: record("executing") })).toBe("executing waits");
   });
@@ -125,25 +135,30 @@ describe("dead reckoning", () => {
         base: { position_m: [x, 0, 1], orientation_xyzw: [0, 0, 0, 1] },
         joints_rad: { leg2: [x] },
       }) as unknown as RoverState;
-    const waypoints = [0, 4].map((time_s) => {
-      const x = 0.1 * time_s;
+    const waypoints = [0, 4, 6, 10].map((time_s) => {
+      const x = 0.1 * (time_s < 5 ? time_s : time_s - 2);
       return { joints_rad: [x], phase: "shift", time_s, stance: at_x(x), hold: true };
     });
-    const shifting = { ...plan, waypoints } as unknown as PlanAnswer;
+    // Two shifts, and two seconds between them in which a leg moves.
+    const commands = [4, 2, 4].map((duration_s) => ({ title: "", duration_s }));
+    const shifting = { ...plan, waypoints, commands } as unknown as PlanAnswer;
     const knots = waypoints.map(({ stance, time_s }) => ({
       joints_rad: stance.joints_rad,
       time_s,
     }));
-    const command = (retreat: boolean): CommandRecord => ({
-      ...record("executing", 0, retreat),
+    const command = (retreat: boolean, index = retreat ? 2 : 0): CommandRecord => ({
+      ...record("executing", index, retreat),
       body: { type: "body_path", knots, drive_hold: false },
     });
-    const x = (retreat: boolean, s: number) =>
-      predictedPose(command(retreat), T0 + 1300 + 1000 * s, shifting)?.stance?.base.position_m[0];
+    const x = (retreat: boolean, s: number, index?: number) =>
+      predictedPose(command(retreat, index), T0 + 1300 + 1000 * s, shifting)?.stance?.base
+        .position_m[0];
     expect(x(false, 1)).toBeCloseTo(0.1, 9);
     expect(x(false, 9)).toBeCloseTo(0.4, 9);
     expect(x(true, 1)).toBeCloseTo(0.3, 9);
     expect(x(true, 9)).toBeCloseTo(0, 9);
+    expect(x(false, 1, 2)).toBeCloseTo(0.5, 9);
+    expect(x(true, 1, 0)).toBeCloseTo(0.7, 9);
     expect(predictedPose(command(false), T0 + 2300, plan)).toBeNull();
     expect(predictedPose(command(false), T0 + 2300)).toBeNull();
   });

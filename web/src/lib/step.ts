@@ -1,10 +1,16 @@
 // The story of one step, from pick to done: where it is, and what the console waits for.
 
-import type { CommandRecord, JobReport, PlanAnswer, RoverState } from "../api/types";
+import type {
+  CommandRecord,
+  JobReport,
+  PlanAnswer,
+  PlanCommandRef,
+  RoverState,
+} from "../api/types";
 import { commandClock, isUnderWay } from "./commandClock";
 import { legLabel } from "./format";
-import { isOver, type PlanProgress } from "./planProgress";
-import { inTheWayOf, phaseSpans } from "./planWords";
+import { endOfCommand, isOver, type PlanProgress } from "./planProgress";
+import { inTheWayOf } from "./planWords";
 import { type PlanPose, poseAt } from "./pose";
 import { parseOptional } from "./time";
 
@@ -69,16 +75,22 @@ function stepOfPlan(plan: PlanAnswer, progress: PlanProgress, now_ms: number): S
   if (progress.turned) return stepBack(plan, progress, now_ms);
   const at = progress.done;
   const command = plan.commands[at];
-  if (!command) return step("done", `The step of ${legLabel(plan.leg)} is done. Pick the next.`);
+  if (!command) return step("done", doneSentence(plan));
   const record = progress.forward[at];
   if (!record) return unstaged(plan, at, command.title);
   return stepOfCommand(record, command.title, ` (${at + 1} of ${plan.commands.length})`, now_ms);
 }
 
+function doneSentence({ leg, posture }: PlanAnswer): string {
+  if (!posture) return `The step of ${legLabel(leg)} is done. Pick the next.`;
+  return `The posture is taken: plan the step of ${legLabel(posture.leg)}.`;
+}
+
 /** Where a step stands that is being backed out. */
 function stepBack(plan: PlanAnswer, progress: PlanProgress, now_ms: number): Step {
   if (isOver(progress)) {
-    return step("done", `The step of ${legLabel(plan.leg)} is backed out. Pick the next.`);
+    const what = plan.posture ? "posture" : `step of ${legLabel(plan.leg)}`;
+    return step("done", `The ${what} is backed out. Pick the next step.`);
   }
   const at = plan.commands.length - progress.done;
   const title = plan.retreat[at]?.title ?? "";
@@ -160,20 +172,22 @@ export function predictedPose(
     return { leg: body.leg, joints_rad: jointsAt(body.knots, t), stance: null };
   }
   if (body.type !== "body_path" || !plan || plan.id !== command.plan?.plan_id) return null;
-  return shiftAt(plan, t, command.plan.retreat ?? false, reported);
+  return shiftAt(plan, t, command.plan, reported);
 }
 
 /** A plan's shift `t` seconds after its beginning, or on the way back. */
 function shiftAt(
   plan: PlanAnswer,
   t: number,
-  back: boolean,
+  { index, retreat }: PlanCommandRef,
   reported: RoverState | null,
 ): PlanPose | null {
-  const span = phaseSpans(plan.waypoints).find((s) => s.phase === "shift");
-  if (!span) return null;
-  const passed = Math.min(t, span.to_s - span.from_s);
-  const at = back ? span.to_s - passed : span.from_s + passed;
+  // The last command is undone first.
+  const of = retreat ? plan.commands.length - 1 - index : index;
+  if (plan.commands[of] === undefined || !plan.waypoints.some((w) => w.stance)) return null;
+  const [from_s, to_s] = [endOfCommand(plan, of - 1), endOfCommand(plan, of)];
+  const passed = Math.min(t, to_s - from_s);
+  const at = retreat ? to_s - passed : from_s + passed;
   return poseAt(plan.leg, plan.waypoints, at, reported);
 }
 

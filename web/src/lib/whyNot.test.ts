@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 
-import { whyNot } from "./whyNot";
+import { canStand, whatHelps, whyNot } from "./whyNot";
 
 const NOT = { reason: 0, missing: NaN, margin_m: NaN };
 
@@ -39,5 +39,41 @@ describe("why not here", () => {
   it("does not hide a reason that this console has no words for", () => {
     expect(whyNot({ ...NOT, class: 1, reason: 99 }).reason).toBe("reason 99");
     expect(whyNot({ ...NOT, class: 0 })).toMatchObject({ verdict: "unknown", reason: null });
+  });
+
+  it("knows cells that were planned to, and those that no step was found to", () => {
+    expect(whyNot({ ...NOT, class: 6, margin_m: 0.3 })).toEqual({
+      verdict: "plannable",
+      reason: null,
+      missing: null,
+      margin: "0.30 m",
+    });
+    expect(whyNot({ ...NOT, class: 7, reason: 14 })).toMatchObject({
+      verdict: "no plan",
+      reason: "the leg can stand here, but no step to it was found",
+      missing: null,
+    });
+    expect([4, 6].every(canStand)).toBe(true);
+    expect([0, 1, 2, 3, 5, 7].some(canStand)).toBe(false);
+  });
+});
+
+describe("what would help", () => {
+  it("names what is in the way once, and what was tried", () => {
+    const told = {
+      obstruction: "leg2_knee_pitch would be 0.20 rad beyond its limit",
+      mends: [{ shift_m: [0, 0, 0.08] }, { place_m: [1.5, 2] as [number, number] }],
+    };
+    expect(whatHelps(told, [1.2, 2.4, 0])).toEqual({
+      what: "Leg 2 knee pitch would be 0.20 rad beyond its limit.",
+      mends: "Stand 0.08 m taller, or take the place 0.50 m beside, at 1.50, 2.00.",
+    });
+    expect(whatHelps({ obstruction: null, mends: [{ shift_m: [0.1, -0.05, 0] }] }, [0, 0])).toEqual(
+      {
+        what: null,
+        mends: "Shift the body by 0.10, −0.05 m.",
+      },
+    );
+    expect(whatHelps({ obstruction: null, mends: [] }, [0, 0]).mends).toMatch(/^Nothing/);
   });
 });

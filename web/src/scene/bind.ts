@@ -19,16 +19,18 @@ import { freshnessOf } from "../store/freshness";
 import { useFollow } from "../store/follow";
 import { shownNow } from "../store/now";
 import { usePlan } from "../store/plan";
+import { useGhost } from "../store/posture";
 import { useReach } from "../store/reach";
 import { useSelection } from "../store/selection";
 import { type Channels, shown } from "../store/streamState";
 import { useTerrain } from "../store/terrain";
 import { useView } from "../store/view";
-import { REACHABILITY, TRAVERSABILITY } from "./palette";
+import { PLANNED, REACHABILITY, TRAVERSABILITY } from "./palette";
 import type { Viewer } from "./viewer";
 
 const EDGE_COLORS = { good: "#56f000", low: "#ffb302", out: "#ff3838" };
 const MOVED = 2e-4;
+const REACH_STYLES = [...REACHABILITY, ...PLANNED];
 
 type Unbind = () => void;
 
@@ -207,7 +209,7 @@ function bindTerrain(viewer: Viewer): Unbind {
     }
     if (kind === "reachability" && grid) {
       const circle = reachCircle(grid.header, useReach.getState().leg);
-      return { shape: grid.header, classes: grid.classes, styles: REACHABILITY, circle };
+      return { shape: grid.header, classes: grid.classes, styles: REACH_STYLES, circle };
     }
     return null;
   };
@@ -265,10 +267,14 @@ function bindPlan(viewer: Viewer): Unbind {
     showGhost(viewer);
   };
   update();
-  return usePlan.subscribe((now, before) => {
-    if (now.plan !== before.plan) update();
-    else if (now.at_s !== before.at_s) showGhost(viewer);
-  });
+  const stops = [
+    useGhost.subscribe(() => showGhost(viewer)),
+    usePlan.subscribe((now, before) => {
+      if (now.plan !== before.plan) update();
+      else if (now.at_s !== before.at_s) showGhost(viewer);
+    }),
+  ];
+  return () => stops.forEach((stop) => stop());
 }
 
 const TRACE_POINTS = 80;
@@ -303,10 +309,21 @@ function below(center: Vec3, normal: Vec3, radius_m: number): Vec3 {
   return center.map((v, i) => v - radius_m * normal[i]!) as Vec3;
 }
 
-/** The end of what follows the pointer, else where the preview of the plan stands. */
+/**
+ * A posture that is looked at, else the end of what follows the pointer, else where the preview of the
+ * plan stands.
+ */
 function showGhost(viewer: Viewer): void {
   const { plan, at_s } = usePlan.getState();
   const follow = useFollow.getState();
+  const looked = useGhost.getState();
+  if (looked.end) {
+    const joints_rad = looked.end.joints_rad[looked.leg] ?? [];
+    viewer.robot?.setSoft(true);
+    viewer.robot?.setGhost({ leg: looked.leg, joints_rad, stance: looked.end });
+    viewer.invalidate();
+    return;
+  }
   const [of, at] = follow.shown ? [follow.shown.answer, Infinity] : [plan, at_s];
   // A plan that the final check refused can be looked at, once it was asked for.
   const drawn = of !== null && of.waypoints.length > 0 && (of === plan || of.outcome === "found");

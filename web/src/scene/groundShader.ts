@@ -37,7 +37,8 @@ float hatching(float kind, vec2 p) {
   if (kind < 2.5) return stripe((p.x - p.y) * 3.0, 0.3);
   if (kind < 3.5) return max(stripe((p.x + p.y) * 3.5, 0.22), stripe((p.x - p.y) * 3.5, 0.22));
   if (kind < 4.5) return stripe(p.y * 5.0, 0.3);
-  return stripe(p.x * 5.0, 0.42) * stripe(p.y * 5.0, 0.42);
+  if (kind < 5.5) return stripe(p.x * 5.0, 0.42) * stripe(p.y * 5.0, 0.42);
+  return stripe(p.x * 5.0, 0.3);
 }
 
 float gridLine(vec2 p) {

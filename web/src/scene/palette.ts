@@ -4,7 +4,15 @@
 import type { RegionKey } from "../lib/regions";
 
 /** Hatching that the shader and the legend both know. */
-export const HATCH = { none: 0, rising: 1, falling: 2, cross: 3, level: 4, dots: 5 } as const;
+export const HATCH = {
+  none: 0,
+  rising: 1,
+  falling: 2,
+  cross: 3,
+  level: 4,
+  dots: 5,
+  upright: 6,
+} as const;
 export type Hatch = keyof typeof HATCH;
 
 export interface ClassStyle {
@@ -33,6 +41,12 @@ export const REACHABILITY: ClassStyle[] = [
   { value: 5, name: "colliding", color: "#a458b5", hatch: "cross", strength: 0.55 },
   { value: 1, name: "unreachable", color: "#a8434f", hatch: "falling", strength: 0.3 },
   { value: 0, name: "unknown", ...UNKNOWN_STYLE },
+];
+
+/** What becomes of reachable cells once a step to them was really planned. */
+export const PLANNED: ClassStyle[] = [
+  { value: 6, name: "plannable", color: "#5fd3a0", hatch: "none", strength: 0.62 },
+  { value: 7, name: "no plan", color: "#b9a44a", hatch: "upright", strength: 0.6 },
 ];
 
 /** A line's pattern: [length of a dash, length of a gap, start of the pattern] (m), laid over each other. */
@@ -81,6 +95,7 @@ export const REASONS: Record<number, Reason> = {
   11: { text: "the ground under the wheel is too uneven", unit: "m" },
   12: { text: "the leg cannot be lifted where it stands", unit: "m" },
   13: { text: "ground unsafe for a wheel", unit: "goodness" },
+  14: { text: "the leg can stand here, but no step to it was found", unit: "m" },
 };
 
 export interface Reason {

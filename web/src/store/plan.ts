@@ -4,7 +4,7 @@ import { create } from "zustand";
 
 import { api, sentenceOf } from "../api/client";
 import type { CommandRecord, JobReport, PlanAnswer, Vec3 } from "../api/types";
-import { isBegun, isOver, planProgress } from "../lib/planProgress";
+import { endOfCommand, isBegun, isOver, planProgress } from "../lib/planProgress";
 import { followJob, useConsole } from "./console";
 import { liveBasis } from "./reach";
 import { planRequest } from "./planOptions";
@@ -53,6 +53,12 @@ export async function makePlan(leg: string, target_m: Vec3): Promise<void> {
   }
 }
 
+/** Looks at a plan that came about otherwise, as from the posture adviser. */
+export function takePlan(plan: PlanAnswer, basis: string | null): void {
+  dropPlan();
+  set({ plan, basis });
+}
+
 export function cancelPlanning(): void {
   const { job } = usePlan.getState();
   asked += 1;
@@ -85,8 +91,7 @@ useConsole.subscribe((now, before) => {
   const now_done = done(commands);
   if (now_done === done(before.stream.live.commands)) return;
   stopPlaying();
-  const phase = plan.commands[now_done - 1]?.phase;
-  set({ at_s: plan.waypoints.findLast((w) => w.phase === phase)?.time_s ?? 0 });
+  set({ at_s: endOfCommand(plan, now_done - 1) });
 });
 
 export function planDuration(plan: PlanAnswer): number {

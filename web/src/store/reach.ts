@@ -4,9 +4,10 @@ import { create } from "zustand";
 
 import { api, sentenceOf } from "../api/client";
 import { nodeAt, type ReachGrid, readReachGrid } from "../api/tiles";
-import type { RoverState, StabilityPreference } from "../api/types";
+import type { RoverState, Scene, StabilityPreference } from "../api/types";
 import type { ReachCell } from "../lib/whyNot";
 import { type ConsoleState, useConsole } from "./console";
+import { shown } from "./streamState";
 
 export type { ReachCell };
 
@@ -39,6 +40,25 @@ export function liveBasis(state: ConsoleState = useConsole.getState()): string |
   return rover && state.terrainVersion ? stanceKey(rover.state, state.terrainVersion) : null;
 }
 
+/** The same of what is shown, a replay's rover included. */
+export function shownBasis(state: ConsoleState = useConsole.getState()): string | null {
+  const rover = shown(state.stream).rover?.message;
+  return rover && state.terrainVersion ? stanceKey(rover.state, state.terrainVersion) : null;
+}
+
+/** What is asked of a replay's rover goes with its state and map; the live one is known to the server. */
+export function shownScene(state: ConsoleState = useConsole.getState()): Scene | undefined {
+  if (!state.stream.replayState) return undefined;
+  const rover = shown(state.stream).rover?.message;
+  if (!rover) return undefined;
+  const other = state.terrainVersion !== null && state.terrainVersion !== state.liveTerrain;
+  const { base, joints_rad } = rover.state;
+  return {
+    state: { base, joints_rad },
+    ...(other && { terrain: { version: state.terrainVersion } }),
+  };
+}
+
 /** What an answer belongs to: the stance, the map, and what must hold while the leg is up. */
 export function reachBasis(basis: string | null, stability: StabilityPreference): string | null {
   return basis === null ? null : `${stability}|${basis}`;
@@ -61,12 +81,34 @@ export async function askReach(
     failure: null,
   });
   try {
-    const grid = readReachGrid(await api.reachability(leg, stability, mine.signal));
+    const grid = readReachGrid(await bytesOf(leg, stability, basis, mine.signal));
     if (!mine.signal.aborted) useReach.setState({ grid, basis, state: "ready" });
   } catch (error) {
     if (mine.signal.aborted) return;
     useReach.setState({ grid: null, basis, state: "failed", failure: sentenceOf(error) });
   }
+}
+
+/** The bases whose cells were planned to from here, for legs: those cells are kept by the server. */
+const planned = new Set<string>();
+
+export function notePlanned(leg: string, basis: string): void {
+  planned.add(`${leg}|${basis}`);
+}
+
+async function bytesOf(
+  leg: string,
+  stability: StabilityPreference,
+  basis: string,
+  signal: AbortSignal,
+): Promise<ArrayBuffer> {
+  const scene = shownScene();
+  if (!scene && planned.has(`${leg}|${basis}`)) {
+    const known = await api.liveReach();
+    const { plannable = 0, not_plannable = 0 } = known.legs[leg]?.cells ?? {};
+    if (known.stability === stability && plannable + not_plannable > 0) return api.liveCells(leg);
+  }
+  return api.reachability(leg, stability, scene, signal);
 }
 
 export function dropReach(): void {

@@ -8,6 +8,7 @@ const LINES: Record<number, string> = {
   [HATCH.falling]: "M-2 2L10 14M6 -2L20 12",
   [HATCH.cross]: "M-2 14L14 -2M6 18L22 2M-2 -2L14 14M8 -4L24 12",
   [HATCH.level]: "M0 3h20M0 7h20M0 11h20",
+  [HATCH.upright]: "M3 0v12M8 0v12M13 0v12M18 0v12",
   [HATCH.dots]: "M3 3h2M9 3h2M15 3h2M3 9h2M9 9h2M15 9h2",
 };
 

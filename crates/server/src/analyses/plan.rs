@@ -230,6 +230,7 @@ fn answer(
         nearest_m: found.nearest.as_ref().map(convert::point),
         retreat,
         preload_n: found.preload,
+        posture: None,
     }
 }
 
@@ -262,7 +263,7 @@ fn path_planner(planner: motion::PathPlanner) -> PathPlanner {
     }
 }
 
-fn phase(phase: Phase) -> PlanPhase {
+pub(super) fn phase(phase: Phase) -> PlanPhase {
     match phase {
         Phase::Shift => PlanPhase::Shift,
         Phase::Lift => PlanPhase::Lift,

@@ -1,7 +1,9 @@
 //! Which of the cells that a leg can reach a step can really be planned to.
 
 use nalgebra::Point3;
-use wire::analysis::{ReachabilityCells, StabilityPreference};
+use wire::analysis::{
+    NO_PLAN, NOT_PLANNABLE, PLANNABLE, REACHABLE, ReachabilityCells, StabilityPreference,
+};
 use wire::check::{At, RequestError};
 use wire::convert;
 use wire::scene::Scene as WireScene;
@@ -9,12 +11,6 @@ use wire::scene::Scene as WireScene;
 use super::{is_plannable, preference};
 use crate::scene::Context;
 use crate::stop::Stop;
-
-/// Numbers of classes and reasons on the wire.
-const REACHABLE: u8 = 4;
-const PLANNABLE: u8 = 6;
-const NOT_PLANNABLE: u8 = 7;
-const NO_PLAN: u8 = 14;
 
 /// Plans a step of the live rover to every reachable cell, the nearest to where the wheel stands
 /// first, and marks the cells one by one; `told` hears of each how far the work is (0 to 1).
@@ -53,19 +49,4 @@ pub fn plannable(
         told((done + 1) as f64 / n, &cells);
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use wire::analysis::{REACH_CLASSES, REACH_REASONS};
-
-    use super::*;
-
-    #[test]
-    fn the_numbers_are_those_of_the_names() {
-        assert_eq!(REACH_CLASSES[usize::from(REACHABLE)], "reachable");
-        assert_eq!(REACH_CLASSES[usize::from(PLANNABLE)], "plannable");
-        assert_eq!(REACH_CLASSES[usize::from(NOT_PLANNABLE)], "not_plannable");
-        assert_eq!(REACH_REASONS[usize::from(NO_PLAN)], "no_plan");
-    }
 }

@@ -1,5 +1,7 @@
 //! The posture adviser and the leg-loss rehearsal.
 
+use std::cell::RefCell;
+
 use motion::{
     Advice, AdviceError, AdviceOptions, Aftermath, Answer, Barrier, Change, Freedom, Limit,
     Margins, Motion, Proposal, Region, RehearsalOptions, Stopped, Watch, WayBack, Wish, advise,
@@ -7,15 +9,15 @@ use motion::{
 };
 use rover::{LegId, Robot};
 use wire::analysis::{
-    AdviceRequest, PlanBasis, PlanCommand, PlanPhase, PostureAccidents, PostureAdvice,
-    PostureAftermath, PostureAnswer, PostureBarrier, PostureBest, PostureChange, PostureCost,
-    PostureFreedom, PostureLimit, PostureMargins, PostureOutcome, PostureProposal,
+    AdviceRequest, PlanBasis, PlanCommand, PlanPhase, PlanWaypoint, PostureAccidents,
+    PostureAdvice, PostureAftermath, PostureAnswer, PostureBarrier, PostureBest, PostureChange,
+    PostureCost, PostureFreedom, PostureLimit, PostureMargins, PostureOutcome, PostureProposal,
     PostureRehearsal, PostureRequest, PostureWayBack, PostureWayOutcome, RehearsalRequest,
 };
 use wire::check::{self, At, RequestError};
 use wire::convert;
 
-use super::plan::{commands, finding, retreat, state_hash};
+use super::plan::{OnProgress, commands, finding, phase, retreat, state_hash};
 use crate::live::hash_text;
 use crate::scene::{Context, Scene};
 use crate::stop::{Cause, Stop};
@@ -27,11 +29,15 @@ const WISH_M: [f64; 2] = [0.0, motion::adviser::WISH_MAX];
 /// Range of the work budget.
 const BUDGET: [f64; 2] = [0.0, 1e6];
 
+/// Work budget where the request gives none.
+const BUDGET_DEFAULT: usize = 120_000;
+
 /// Advises on the posture, rehearses accidents, or both.
 pub fn posture(
     context: &Context,
     request: &PostureRequest,
     stop: &Stop,
+    progress: OnProgress<'_>,
 ) -> Result<PostureAnswer, RequestError> {
     let scene = context.scene(&At::root("scene"), &request.scene)?;
     if request.advice.is_none() && request.rehearsal.is_none() {
@@ -44,8 +50,12 @@ pub fn posture(
         }
         None => None,
     };
-    let work = Work { scene: &scene, seed: request.seed, budget, stop };
+    let parts = usize::from(request.advice.is_some()) + usize::from(request.rehearsal.is_some());
+    let all = parts * budget.unwrap_or(BUDGET_DEFAULT);
+    let watch = RefCell::new(Watched { stop, progress, asked: 0, all });
+    let work = Work { scene: &scene, seed: request.seed, budget, stop, watch: &watch };
     Ok(PostureAnswer {
+        id: None,
         advice: request.advice.as_ref().map(|advice| work.advice(advice)).transpose()?,
         rehearsal: request.rehearsal.as_ref().map(|asked| work.rehearsal(asked)).transpose()?,
         basis: PlanBasis {
@@ -63,6 +73,7 @@ struct Work<'a> {
     seed: u64,
     budget: Option<usize>,
     stop: &'a Stop,
+    watch: &'a RefCell<Watched<'a>>,
 }
 
 impl Work<'_> {
@@ -92,8 +103,8 @@ impl Work<'_> {
             budget: self.budget.unwrap_or(usual.budget),
         };
         let (solid, start) = (&scene.solid, &scene.configuration);
-        let mut watch = Stopping(self.stop);
-        let advice = advise(solid, start, scene.gravity, leg, &wish, &options, &mut watch)
+        let mut watch = self.watch.borrow_mut();
+        let advice = advise(solid, start, scene.gravity, leg, &wish, &options, &mut *watch)
             .map_err(|error| self.refused("advice", &error))?;
         let teller = Teller { robot: scene.robot(), drive_hold: asked.drive_hold };
         Ok(teller.advice(&asked.leg, advice))
@@ -111,8 +122,8 @@ impl Work<'_> {
         let budget = self.budget.unwrap_or(usual.budget);
         let options = RehearsalOptions { settlement, seed: self.seed, budget };
         let (solid, start) = (&scene.solid, &scene.configuration);
-        let mut watch = Stopping(self.stop);
-        let rehearsal = rehearse(solid, start, scene.gravity, &options, &mut watch)
+        let mut watch = self.watch.borrow_mut();
+        let rehearsal = rehearse(solid, start, scene.gravity, &options, &mut *watch)
             .map_err(|error| self.refused("rehearsal", &error))?;
         let teller = Teller { robot: scene.robot(), drive_hold: false };
         let accidents = rehearsal.legs.iter().map(|leg| PostureAccidents {
@@ -155,12 +166,12 @@ impl Teller<'_> {
         let (outcome, proposals, best) = match &advice.answer {
             Answer::AlreadyMet => (PostureOutcome::AlreadyMet, Vec::new(), None),
             Answer::Proposals(all) => {
-                let all = all.iter().map(|proposal| self.proposal(proposal)).collect();
+                let all = all.iter().map(|proposal| self.proposal(leg, proposal)).collect();
                 (PostureOutcome::Found, all, None)
             }
             Answer::Best { posture, missing, barrier } => {
                 let best = PostureBest {
-                    posture: self.proposal(posture),
+                    posture: self.proposal(leg, posture),
                     missing_m: missing.is_finite().then_some(*missing),
                     barrier: told(barrier),
                 };
@@ -198,19 +209,23 @@ impl Teller<'_> {
         all
     }
 
-    fn proposal(&self, proposal: &Proposal) -> PostureProposal {
+    fn proposal(&self, lifted: &str, proposal: &Proposal) -> PostureProposal {
         let (change, replaced_leg) = self.change(proposal.change);
         let forth: Vec<(String, Vec<PlanCommand>)> =
             proposal.motions.iter().map(|m| (self.leg(m.leg), self.commands(m))).collect();
         let back = forth.iter().rev().flat_map(|(leg, commands)| retreat(leg, commands));
         let findings = proposal.motions.iter().flat_map(|motion| &motion.findings);
         let cost = &proposal.cost;
+        let (end, motions) = (&proposal.end, &proposal.motions);
+        let leg = motions.first().map_or(lifted.to_owned(), |motion| self.leg(motion.leg));
         PostureProposal {
             change,
             replaced_leg,
+            waypoints: self.waypoints(&leg, motions),
+            leg,
             retreat: back.collect(),
             commands: forth.into_iter().flat_map(|(_, commands)| commands).collect(),
-            end: convert::rover_state(self.robot, &proposal.end),
+            end: convert::rover_state(self.robot, end),
             margins: self.margins(&proposal.after),
             cost: PostureCost {
                 chassis_m: cost.chassis,
@@ -220,6 +235,36 @@ impl Teller<'_> {
             },
             findings: findings.map(finding).collect(),
         }
+    }
+
+    /// The motions one after the other, each knot with the whole rover. `leg` is the one whose joint
+    /// angles are told.
+    fn waypoints(&self, leg: &str, motions: &[Motion]) -> Vec<PlanWaypoint> {
+        let mut all: Vec<PlanWaypoint> = Vec::new();
+        for motion in motions {
+            let begin = all.last().map_or(0.0, |last| last.time_s);
+            let mut stance = motion.start.clone();
+            // A motion begins where the one before it has ended.
+            let skip = usize::from(!all.is_empty());
+            for (i, knot) in motion.waypoints.iter().enumerate() {
+                if let Some(there) = &knot.stance {
+                    stance.clone_from(there);
+                }
+                stance.legs[motion.leg.0] = knot.angles;
+                if i < skip {
+                    continue;
+                }
+                let state = convert::rover_state(self.robot, &stance);
+                all.push(PlanWaypoint {
+                    joints_rad: state.joints_rad.get(leg).cloned().unwrap_or_default(),
+                    phase: phase(knot.phase),
+                    time_s: begin + knot.time,
+                    stance: Some(state),
+                    hold: knot.hold,
+                });
+            }
+        }
+        all
     }
 
     fn limit(&self, limit: &Limit) -> PostureLimit {
@@ -290,12 +335,28 @@ fn told(barrier: &Barrier) -> PostureBarrier {
     }
 }
 
-/// Stops the work when nobody waits for it, or its time is over.
-struct Stopping<'a>(&'a Stop);
+/// Tells of the work each time so many poses have been looked at.
+const TOLD_EACH: usize = 500;
 
-impl Watch for Stopping<'_> {
+/// Stops the work when nobody waits for it, or its time is over, and tells how far it is.
+struct Watched<'a> {
+    stop: &'a Stop,
+    progress: OnProgress<'a>,
+    /// How often it was asked: about once for each pose.
+    asked: usize,
+    /// Poses that may be looked at.
+    all: usize,
+}
+
+impl Watch for Watched<'_> {
     fn stopped(&mut self) -> Option<Stopped> {
-        self.0.cause().map(|cause| match cause {
+        self.asked += 1;
+        if self.asked.is_multiple_of(TOLD_EACH) {
+            // The search ends early more often than not: the share is that of its budget.
+            let share = (self.asked as f64 / self.all.max(1) as f64).min(0.99);
+            (self.progress)(share, &format!("has looked at {} postures", self.asked));
+        }
+        self.stop.cause().map(|cause| match cause {
             Cause::Deadline => Stopped::Deadline,
             Cause::Cancelled => Stopped::Cancelled,
         })

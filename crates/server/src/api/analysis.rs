@@ -206,6 +206,8 @@ async fn posture(
     Body(request): Body<PostureRequest>,
 ) -> Result<Json<PostureAnswer>, ApiError> {
     let deadline_s = request.deadline_s;
-    let work = move |context: &Context, stop: &Stop| analyses::posture(context, &request, stop);
+    let work = move |context: &Context, stop: &Stop| {
+        analyses::posture(context, &request, stop, &|_, _| {})
+    };
     compute(&app, deadline_s, work).await.map(Json)
 }

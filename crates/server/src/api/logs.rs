@@ -2,17 +2,20 @@
 
 use axum::Json;
 use axum::extract::State;
-use axum::http::StatusCode;
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::{IntoResponse, Response};
 use bridge::catalog;
-use bridge::reader::Limits;
-use bridge::replay::{RATES, Replay, ReplayError};
+use bridge::replay::{RATES, ReplayError};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
+use wire::live::JobReport;
 use wire::resources::{ErrorBody, LogInfo, LogList, ReplayChange, ReplayRequest, ReplayState};
 
 use crate::app::AppState;
 use crate::body::{Body, Path};
 use crate::error::ApiError;
+use crate::replays::Opening;
+use crate::stop::Stop;
 
 pub fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new()
@@ -63,35 +66,70 @@ async fn replays(State(app): State<AppState>) -> Json<Vec<ReplayState>> {
     Json(app.replays.list())
 }
 
-/// Plays a log. Subscribe to the replay's id on the stream to hear it.
+/// Longest time for reading a log (s).
+const OPEN_DEADLINE_S: f64 = 600.0;
+
+/// Plays a log. Subscribe to the replay's id on the stream to hear it. A log is read whole first:
+/// with `Prefer: respond-async` (RFC 7240) that is a job, whose result is the path of the replay.
 #[utoipa::path(
     post, path = "/replays", tag = "logs", request_body = ReplayRequest,
+    params(("Prefer" = Option<String>, Header, description = "`respond-async`: answer with a job")),
     responses(
-        (status = 201, body = ReplayState),
+        (status = 201, body = ReplayState), (status = 202, body = JobReport),
         (status = 404, body = ErrorBody), (status = 422, body = ErrorBody),
         (status = 429, body = ErrorBody)
     )
 )]
 async fn start_replay(
     State(app): State<AppState>,
+    headers: HeaderMap,
     Body(request): Body<ReplayRequest>,
-) -> Result<(StatusCode, Json<ReplayState>), ApiError> {
+) -> Result<Response, ApiError> {
     app.replays.room()?;
-    let ReplayRequest { log, from, rate } = request;
     // Known before a large log is read.
-    if !RATES.contains(&rate) {
-        return Err(ReplayError::BadRate { rate }.into());
+    if !RATES.contains(&request.rate) {
+        return Err(ReplayError::BadRate { rate: request.rate }.into());
     }
     let folder = app.config.server.logs_dir.clone();
-    let name = log.clone();
-    let read = move || catalog::read_log(&folder, &name, Limits::default());
-    let content = tokio::task::spawn_blocking(read)
-        .await
-        .map_err(|error| ApiError::internal("reading the log", error))??;
+    catalog::log_path(&folder, &request.log)?;
     let id = uuid::Uuid::now_v7().to_string();
+    let opening = Opening { folder, request, id };
+    let stop = Stop::after(Some(OPEN_DEADLINE_S))?;
+    if responds_async(&headers) {
+        let job = app.jobs.begin("replay", stop)?;
+        let report = app.jobs.get(job.id())?;
+        let app = app.clone();
+        tokio::task::spawn_blocking(move || {
+            let stop = job.stop().clone();
+            let told = |share: f64, doing: &str| job.progress(share, doing);
+            told(0.0, "reads the log");
+            let opened = opening.open(&*app.clock, &stop, &told).and_then(|replay| {
+                app.replays.start(&opening.id, replay, app.clock.clone())?;
+                Ok(format!("/api/v1/replays/{}", opening.id))
+            });
+            job.end(opened);
+        });
+        return Ok((StatusCode::ACCEPTED, Json(report)).into_response());
+    }
+    // Whoever goes away ends the reading.
+    let guard = stop.guard();
     let clock = app.clock.clone();
-    let replay = Replay::open(clock.now(), &id, &log, content, from, rate)?;
-    Ok((StatusCode::CREATED, Json(app.replays.start(&id, replay, clock)?)))
+    let read = move || {
+        let replay = opening.open(&*clock, &stop, &|_, _| {});
+        (opening.id, replay)
+    };
+    let (id, replay) = tokio::task::spawn_blocking(read)
+        .await
+        .map_err(|error| ApiError::internal("reading the log", error))?;
+    drop(guard);
+    let state = app.replays.start(&id, replay?, app.clock.clone())?;
+    Ok((StatusCode::CREATED, Json(state)).into_response())
+}
+
+fn responds_async(headers: &HeaderMap) -> bool {
+    let all = headers.get_all("prefer").iter().filter_map(|value| value.to_str().ok());
+    let mut wishes = all.flat_map(|text| text.split(','));
+    wishes.any(|wish| wish.trim().eq_ignore_ascii_case("respond-async"))
 }
 
 /// A replay.

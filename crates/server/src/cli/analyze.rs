@@ -11,7 +11,7 @@ use serde_json::json;
 use tokio::time::Instant;
 use wire::analysis::{
     InverseKinematicsRequest, KinematicsRequest, PlanRequest, PostureOutcome, PostureRequest,
-    REACH_CLASSES, ReachabilityRequest, StabilityRequest, TraversabilityRequest,
+    REACHABLE, ReachabilityRequest, StabilityRequest, TraversabilityRequest,
 };
 use wire::check::RequestError;
 
@@ -26,8 +26,6 @@ use crate::terrains::{FileRoot, Terrains};
 
 /// Largest request that is read (bytes).
 const REQUEST_BYTES_MAX: u64 = 256 << 20;
-/// Number of the class `reachable`.
-const REACHABLE: u8 = 4;
 
 /// A request and how often to answer it.
 #[derive(Debug, Args)]
@@ -157,7 +155,7 @@ pub(super) fn posture(args: &RequestArgs, output: Output) -> Result<Verdict, Fai
     let request: PostureRequest = read(&args.request)?;
     answer(args, output, |context| {
         let stop = Stop::after(request.deadline_s)?;
-        let answer = analyses::posture(context, &request, &stop)?;
+        let answer = analyses::posture(context, &request, &stop, &|_, _| {})?;
         let advice = answer.advice.as_ref();
         let yes = advice.is_none_or(|advice| advice.outcome != PostureOutcome::Best);
         Ok((answer, verdict(yes)))
@@ -194,7 +192,6 @@ pub(super) fn inverse_kinematics(args: &RequestArgs, output: Output) -> Result<V
 }
 
 pub(super) fn reachability(args: &RequestArgs, output: Output) -> Result<Verdict, Failure> {
-    debug_assert_eq!(REACH_CLASSES[usize::from(REACHABLE)], "reachable");
     let request: ReachabilityRequest = read(&args.request)?;
     let workers = std::thread::available_parallelism().map_or(1, |n| n.get());
     answer(args, output, |context| {

@@ -143,6 +143,10 @@ fn cases() -> Vec<(&'static str, String, &'static str, &'static str)> {
         (t, "{\"terrain\":{\"file\":\"..\"}}".into(), "file_name_invalid", "terrain.file"),
         // plans
         ("analysis/posture", "{}".into(), "missing_field", "advice"),
+        ("rover/posture", "{\"advise\":{}}".into(), "unknown_field", "advise"),
+        ("rover/posture", "{\"advice\":{\"leg\":\"leg1\"},\"deadline_s\":0}".into(), "out_of_range", "deadline_s"),
+        ("rover/posture/x/plans", "{}".into(), "missing_field", ""),
+        ("rover/posture/x/plans", "{\"proposal\":-1}".into(), "wrong_type", "proposal"),
         ("analysis/posture", "{\"advice\":{\"leg\":\"leg9\"}}".into(), "leg_unknown", "advice.leg"),
         ("analysis/posture", "{\"advice\":{\"leg\":\"leg1\",\"regular_m\":-1}}".into(), "out_of_range", "advice.regular_m"),
         ("analysis/posture", "{\"advice\":{\"leg\":\"leg1\",\"conservative_m\":1e999}}".into(), "not_finite", "advice.conservative_m"),

@@ -9,6 +9,7 @@ mod command_line;
 mod documents;
 mod foxglove;
 mod job;
+mod posture;
 mod real_terrain;
 mod routes;
 mod soak;

@@ -148,6 +148,20 @@ async fn a_log_is_listed_downloaded_and_replayed() {
     assert_eq!(bad.code(), "rate_invalid");
     assert_eq!(ground.call("DELETE", &path, None).await.status, 204);
     assert_eq!(ground.get(&path).await.code(), "replay_unknown");
+
+    // A long log is opened as a job.
+    let request = json!({ "log": id, "rate": 2.0 }).to_string();
+    let request = Request::post("/api/v1/replays")
+        .header("content-type", "application/json")
+        .header("prefer", "respond-async, wait=1")
+        .body(Body::from(request))
+        .unwrap();
+    let report = ground.job(&ground.send(request).await).await;
+    assert_eq!((&report["kind"], &report["state"]), (&json!("replay"), &json!("done")), "{report}");
+    let path = report["result"].as_str().unwrap();
+    let opened = ground.get(path).await.json();
+    assert_eq!((&opened["log"], &opened["rate"]), (&json!(id), &json!(2.0)));
+    assert_eq!(ground.call("DELETE", path, None).await.status, 204);
     for id in ["..%2F..%2Fetc%2Fpasswd", "nothing", "%2e%2e"] {
         let answer = ground.get(&format!("/api/v1/logs/{id}/download")).await;
         assert_eq!(answer.code(), "log_unknown", "{id}");

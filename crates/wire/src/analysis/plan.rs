@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::StabilityPreference;
+use super::{PlanPosture, StabilityPreference};
 use crate::live::{CommandBody, Footfall};
 use crate::scene::{RoverState, Scene};
 
@@ -206,6 +206,9 @@ pub struct PlanAnswer {
     /// Load that the wheel is pressed to before it is relied on (N).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preload_n: Option<f64>,
+    /// Only where the plan is no step but a posture that the adviser proposed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub posture: Option<PlanPosture>,
 }
 
 /// What is in the way of a plan.

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::{PlanBasis, PlanCommand, PlanFinding};
+use super::{PlanBasis, PlanCommand, PlanFinding, PlanWaypoint};
 use crate::scene::{RoverState, Scene};
 
 /// `POST /analysis/posture`: `advice`, `rehearsal`, or both.
@@ -93,6 +93,9 @@ fn yes() -> bool {
 /// The answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct PostureAnswer {
+    /// Identity of an answer about the live rover that is kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub id: Option<String>,
     /// The advice, if asked for.
     pub advice: Option<PostureAdvice>,
     /// The rehearsal, if asked for.
@@ -151,6 +154,11 @@ pub struct PostureProposal {
     pub change: PostureChange,
     /// With `replace`: the leg whose foot is put down elsewhere.
     pub replaced_leg: Option<String>,
+    /// The leg that moves by itself; where only the chassis moves, the leg that is to be lifted.
+    pub leg: String,
+    /// The motion with the whole rover at each knot: joint angles are those of `leg`, times go on from
+    /// one command to the next. Empty where nothing has to move.
+    pub waypoints: Vec<PlanWaypoint>,
     /// How to get there, in order; empty where nothing has to move.
     pub commands: Vec<PlanCommand>,
     /// The way back, last part first.
@@ -163,6 +171,32 @@ pub struct PostureProposal {
     pub cost: PostureCost,
     /// What the final check found, motion by motion.
     pub findings: Vec<PlanFinding>,
+}
+
+impl PostureAdvice {
+    /// The postures that can be gone to: the proposals; where the wish is not met, the best one.
+    pub fn offered(&self) -> impl Iterator<Item = &PostureProposal> {
+        self.proposals.iter().chain(self.best.iter().map(|best| &best.posture))
+    }
+}
+
+/// `POST /rover/posture/{id}/plans`: keeps what was offered as a plan.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PosturePlanRequest {
+    /// Which of the proposals, from 0; where the wish was not met, 0 is the best posture.
+    pub proposal: usize,
+}
+
+/// What a plan of a posture is for.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct PlanPosture {
+    /// The leg that is to be lifted after it.
+    pub leg: String,
+    /// What changes.
+    pub change: PostureChange,
+    /// Does it give the margins that were wished for?
+    pub wish_met: bool,
 }
 
 /// What a change costs.

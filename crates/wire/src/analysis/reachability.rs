@@ -22,6 +22,13 @@ pub const REACH_CLASSES: [&str; 8] = [
     "not_plannable",
 ];
 
+/// Number of the class of cells where a leg can stand.
+pub const REACHABLE: u8 = 4;
+/// ... of those that a step was really planned to.
+pub const PLANNABLE: u8 = 6;
+/// ... and of those that none was found to.
+pub const NOT_PLANNABLE: u8 = 7;
+
 /// Names of the reasons, by their number.
 pub const REACH_REASONS: [&str; 15] = [
     "none",
@@ -40,6 +47,9 @@ pub const REACH_REASONS: [&str; 15] = [
     "traversability",
     "no_plan",
 ];
+
+/// Number of the reason of cells that no step was found to.
+pub const NO_PLAN: u8 = 14;
 
 /// `POST /analysis/reachability`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -278,6 +288,14 @@ impl Default for ReachabilityLegend {
 mod tests {
     use super::*;
     use crate::tile::HEADER_LEN;
+
+    #[test]
+    fn the_numbers_are_those_of_the_names() {
+        let class = |number: u8| REACH_CLASSES[usize::from(number)];
+        let named = [REACHABLE, PLANNABLE, NOT_PLANNABLE].map(class);
+        assert_eq!(named, ["reachable", "plannable", "not_plannable"]);
+        assert_eq!(REACH_REASONS[usize::from(NO_PLAN)], "no_plan");
+    }
 
     #[test]
     fn floats_of_a_binary_grid_begin_at_a_multiple_of_four() {

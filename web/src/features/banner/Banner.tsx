@@ -1,15 +1,48 @@
-// Full width when the ground server is out of reach: nothing can be sent, and why.
+// Full width when the ground server is out of reach: nothing can be sent, and why. And a calm line while a
+// log is being opened.
 
 import { localNow } from "../../api/stream";
-import { formatSpan } from "../../lib/time";
+import { fileSize } from "../../lib/format";
+import { formatDayTime, formatSpan, parseOptional } from "../../lib/time";
 import { retryNow, useConsole } from "../../store/console";
 import { useServerNow } from "../../store/now";
+import { cancelOpening, useLogs } from "../../store/replay";
 import { StatusMark } from "../../ui/StatusMark";
 import "./banner.css";
 
 export function Banner() {
   const lost = useConsole((s) => s.connection === "lost");
-  return lost ? <Lost /> : null;
+  return (
+    <>
+      {lost && <Lost />}
+      <Opening />
+    </>
+  );
+}
+
+/** How far the opening of a log is; what is shown stays until it is open. */
+function Opening() {
+  const opening = useLogs((s) => s.opening);
+  const log = useLogs((s) => s.logs?.find((l) => l.id === opening?.log));
+  if (!opening) return null;
+  const start = parseOptional(log?.start);
+  const share = opening.job?.progress ?? 0;
+  return (
+    <div className="opening" role="status" data-testid="opening">
+      <span>
+        Opening the log
+        {start !== null && <span className="num"> {formatDayTime(start)}</span>}
+      </span>
+      {log && <span className="quiet num">{fileSize(log.size)}</span>}
+      <div className="bar">
+        <span style={{ width: `${Math.round(share * 100)}%` }} />
+      </div>
+      <span className="quiet">{opening.job?.doing ?? "asks for it"}</span>
+      <button type="button" className="button" data-testid="opening-cancel" onClick={cancelOpening}>
+        Cancel
+      </button>
+    </div>
+  );
 }
 
 function Lost() {

@@ -5,11 +5,10 @@ import { useEffect, useState } from "react";
 import { api, sentenceOf } from "../../api/client";
 import type { CellAnswer, Vec3 } from "../../api/types";
 import { capital, degrees, legLabel, metres, signless } from "../../lib/format";
-import { whyNot } from "../../lib/whyNot";
-import { REACHABILITY, TRAVERSABILITY } from "../../scene/palette";
-import { useConsole } from "../../store/console";
+import { canStand, type Help, isOutOfPlan, reachStyle, whatHelps, whyNot } from "../../lib/whyNot";
+import { TRAVERSABILITY } from "../../scene/palette";
 import { usePlanOptions } from "../../store/planOptions";
-import { reachAt, type ReachCell, useReach } from "../../store/reach";
+import { reachAt, type ReachCell, shownScene, useReach } from "../../store/reach";
 import { useSelection } from "../../store/selection";
 import { classAt, useTerrain } from "../../store/terrain";
 import { useView } from "../../store/view";
@@ -103,14 +102,13 @@ function WhyNot({ point }: { point: Vec3 }) {
   const leg = useSelection((s) => s.leg);
   const { grid, leg: of, state } = useReach();
   const overlay = useView((s) => s.overlay);
-  const live = useConsole((s) => s.stream.replayState === null);
   const old = useReachIsOld();
   if (leg === null) return null;
   const reach = of === leg && grid ? reachAt(grid, point[0], point[1]) : null;
   if (reach) return <Verdict reach={reach} leg={leg} old={old} point={point} />;
   const who = capital(legLabel(leg));
   if (grid && of === leg) return <p className="quiet small">{who}: farther than was looked at.</p>;
-  if (overlay === "reachability" || !live)
+  if (overlay === "reachability")
     return state === "loading" ? <p className="quiet small">{who}: computing…</p> : null;
   return (
     <button
@@ -124,9 +122,6 @@ function WhyNot({ point }: { point: Vec3 }) {
   );
 }
 
-/** The class of places where the leg can stand. */
-const REACHABLE = 4;
-
 interface VerdictProps {
   reach: ReachCell;
   leg: string;
@@ -135,7 +130,7 @@ interface VerdictProps {
 }
 
 function Verdict({ reach, leg, old, point }: VerdictProps) {
-  const style = REACHABILITY.find((s) => s.value === reach.class);
+  const style = reachStyle(reach.class);
   const { verdict, reason, missing, margin } = whyNot(reach);
   return (
     <div className="why-not" data-testid="why-not">
@@ -153,7 +148,12 @@ function Verdict({ reach, leg, old, point }: VerdictProps) {
         </dl>
       )}
       {old && <p className="quiet small">For the stance before; computed anew</p>}
-      {reach.class !== REACHABLE && !old && <WhatHelps leg={leg} point={point} />}
+      {isOutOfPlan(reach.class) && !old && (
+        <p className="small quiet">A plan to it (Enter) tells what is in the way.</p>
+      )}
+      {!canStand(reach.class) && !isOutOfPlan(reach.class) && !old && (
+        <WhatHelps leg={leg} point={point} />
+      )}
     </div>
   );
 }
@@ -164,14 +164,15 @@ const TRY_AFTER_MS = 350;
 /** What stands in the way by name, and the nearest change that was tried and helps. */
 function WhatHelps({ leg, point }: { leg: string; point: Vec3 }) {
   const stability = usePlanOptions((s) => s.stability);
-  const [answer, setAnswer] = useState<{ of: Vec3; leg: string; text: string }>();
+  const [answer, setAnswer] = useState<{ of: Vec3; leg: string; help: Help }>();
   useEffect(() => {
     const abort = new AbortController();
+    const tell = (help: Help) => setAnswer({ of: point, leg, help });
     const timer = setTimeout(() => {
-      api.explainCell(leg, point, stability, abort.signal).then(
-        (told) => setAnswer({ of: point, leg, text: told.text }),
+      api.explainCell(leg, point, stability, shownScene(), abort.signal).then(
+        (told) => tell(whatHelps(told, point)),
         (error: unknown) => {
-          if (!abort.signal.aborted) setAnswer({ of: point, leg, text: sentenceOf(error) });
+          if (!abort.signal.aborted) tell({ what: null, mends: sentenceOf(error) });
         },
       );
     }, TRY_AFTER_MS);
@@ -180,15 +181,12 @@ function WhatHelps({ leg, point }: { leg: string; point: Vec3 }) {
       abort.abort();
     };
   }, [leg, point, stability]);
-  const known = answer && answer.of === point && answer.leg === leg;
+  const known = answer && answer.of === point && answer.leg === leg ? answer.help : null;
   return (
-    <p className="small" data-testid="what-helps" aria-live="polite">
-      {known ? (
-        `${capital(answer.text)}.`
-      ) : (
-        <span className="quiet">Looking for what would help…</span>
-      )}
-    </p>
+    <div className="small what-helps" data-testid="what-helps" aria-live="polite">
+      {known?.what && <p className="quiet">{known.what}</p>}
+      <p className={known ? "" : "quiet"}>{known ? known.mends : "Looking for what would help…"}</p>
+    </div>
   );
 }
 

@@ -1,11 +1,15 @@
 // What is laid over the ground, with its legend.
 
-import { type ClassStyle, REACHABILITY, TRAVERSABILITY } from "../../scene/palette";
+import { legLabel } from "../../lib/format";
+import { type ClassStyle, PLANNED, REACHABILITY, TRAVERSABILITY } from "../../scene/palette";
+import { useConsole } from "../../store/console";
+import { cancelPlannable, plannedCount, planToCells, usePlannable } from "../../store/plannable";
 import { usePlanOptions } from "../../store/planOptions";
 import { useReach } from "../../store/reach";
 import { useSelection } from "../../store/selection";
 import { useTerrain } from "../../store/terrain";
 import { type Overlay, useView } from "../../store/view";
+import { JobRow } from "../../ui/JobRow";
 import { Segments } from "../../ui/Segments";
 import { Swatch } from "../../ui/Swatch";
 import { EnergyLegend } from "./EnergyLegend";
@@ -47,13 +51,23 @@ function TraversabilityLegend() {
 
 function ReachLegend() {
   const leg = useSelection((s) => s.leg);
-  const { state, failure } = useReach();
+  const { state, failure, grid } = useReach();
   const stability = usePlanOptions((s) => s.stability);
+  const busy = usePlannable((s) => s.of !== null);
   const old = useReachIsOld();
   if (leg === null) return <p className="quiet small">Choose a leg to see where it can stand.</p>;
+  const planned = grid ? plannedCount(grid.classes) : null;
+  const anyPlanned = planned !== null && planned.found + planned.none > 0;
   return (
     <>
-      <Legend styles={REACHABILITY} />
+      {planned && (anyPlanned || busy) ? (
+        <Legend
+          styles={[...PLANNED, ...REACHABILITY]}
+          counts={{ 6: planned.found, 7: planned.none, 4: planned.open }}
+        />
+      ) : (
+        <Legend styles={REACHABILITY} />
+      )}
       <p
         className="small quiet"
         role="status"
@@ -64,17 +78,65 @@ function ReachLegend() {
         {state === "failed" && <span className="trouble">{failure}</span>}
         {state === "ready" && (old ? "Outdated: computed anew" : `For this stance, ${stability}`)}
       </p>
+      {state === "ready" && planned && <PlannedCells key={leg} leg={leg} count={planned} />}
     </>
   );
 }
 
-function Legend({ styles }: { styles: ClassStyle[] }) {
+/** Really planning to the reachable cells, and what came of it. */
+function PlannedCells({ leg, count }: { leg: string; count: ReturnType<typeof plannedCount> }) {
+  const { of, job, failure } = usePlannable();
+  const stability = usePlanOptions((s) => s.stability);
+  const live = useConsole((s) => s.stream.replayState === null);
+  if (!live) return <p className="quiet small">Plans to cells are made for the live rover only.</p>;
+  if (of) {
+    return of.leg === leg ? (
+      <JobRow
+        job={job && { ...job, doing: "Plans to each cell" }}
+        waiting="Waiting for a worker"
+        cancel={cancelPlannable}
+        testId="plannable"
+      />
+    ) : (
+      <p className="row between small quiet">
+        Plans to cells of {legLabel(of.leg)}
+        <button type="button" className="button bare" onClick={cancelPlannable}>
+          Cancel
+        </button>
+      </p>
+    );
+  }
+  return (
+    <>
+      {count.open > 0 && (
+        <button
+          type="button"
+          className="button"
+          data-testid="plan-to-cells"
+          title="Plans a step to each reachable cell in the background, the nearest first"
+          onClick={() => void planToCells(leg, stability)}
+        >
+          Plan to each cell
+        </button>
+      )}
+      {failure && <p className="small trouble">{failure}</p>}
+    </>
+  );
+}
+
+function Legend(props: { styles: ClassStyle[]; counts?: Record<number, number> }) {
+  const { styles, counts = {} } = props;
   return (
     <ul className="legend">
       {styles.map((style) => (
         <li key={style.value} className="row">
           <Swatch style={style} />
           {style.name}
+          {counts[style.value] !== undefined && (
+            <span className="num quiet" data-testid={`legend-count-${style.value}`} title="Cells">
+              {counts[style.value]}
+            </span>
+          )}
         </li>
       ))}
     </ul>

@@ -2,15 +2,15 @@
 
 import { useEffect } from "react";
 
-import { useConsole } from "../../store/console";
+import { useChannels, useConsole } from "../../store/console";
 import { usePlanOptions } from "../../store/planOptions";
-import { askReach, dropReach, liveBasis, reachBasis, useReach } from "../../store/reach";
+import { askReach, dropReach, reachBasis, shownBasis, useReach } from "../../store/reach";
 import { useSelection } from "../../store/selection";
 import { useView } from "../../store/view";
 
 function useBasis(): string | null {
   const stability = usePlanOptions((s) => s.stability);
-  return reachBasis(useConsole(liveBasis), stability);
+  return reachBasis(useConsole(shownBasis), stability);
 }
 
 export function useReachIsOld(): boolean {
@@ -25,18 +25,18 @@ const STILL_MS = 600;
 export function useReachability(): void {
   const leg = useSelection((s) => s.leg);
   const wanted = useView((s) => s.overlay === "reachability");
-  const live = useConsole((s) => s.stream.replayState === null && s.connection === "open");
-  const idle = useConsole((s) => s.stream.live.rover?.message.mode !== "executing");
+  const open = useConsole((s) => s.connection === "open");
+  const idle = useChannels((c) => c.rover?.message.mode !== "executing");
   const basis = useBasis();
   const stability = usePlanOptions((s) => s.stability);
   useEffect(() => {
     if (!wanted || leg === null) dropReach();
-    else if (live && idle && basis !== null) {
+    else if (open && idle && basis !== null) {
       const known = useReach.getState();
       if (known.leg === leg && known.basis === basis) return;
       const wait = known.leg === leg && known.grid ? STILL_MS : 0;
       const timer = setTimeout(() => void askReach(leg, stability, basis), wait);
       return () => clearTimeout(timer);
     }
-  }, [wanted, leg, live, idle, basis, stability]);
+  }, [wanted, leg, open, idle, basis, stability]);
 }

@@ -12,6 +12,7 @@ import {
   resetOptions,
   usePlanOptions,
 } from "../../store/planOptions";
+import { NumberField } from "../../ui/NumberField";
 import { Segments } from "../../ui/Segments";
 
 const PLANNERS: [Options["planner"], string, string][] = [
@@ -163,55 +164,6 @@ function Check(props: { label: string; testId: string; on: boolean; set: (on: bo
         onChange={(event) => props.set(event.target.checked)}
       />
       {props.label}
-    </label>
-  );
-}
-
-interface NumberProps {
-  label: React.ReactNode;
-  title: string;
-  testId: string;
-  /** The number that is in force; null is none. */
-  value: number | null;
-  /** Shown where nothing is filled in. */
-  usual: string;
-  step: number;
-  max: number;
-  whole?: boolean;
-  set: (value: number | null) => void;
-}
-
-/** What cannot be used stays in the field, marked, and the value in force stays as it was. */
-function NumberField({ label, title, testId, usual, value, step, max, whole, set }: NumberProps) {
-  const shown = value === null ? "" : String(value);
-  const [draft, setDraft] = useState<{ text: string; of: number | null } | null>(null);
-  // A draft belongs to the value it made: a reset ends it.
-  const text = draft && draft.of === value ? draft.text : shown;
-  const usable = (t: string) => {
-    const number = Number(t);
-    return t === "" || (number >= 0 && number <= max && (!whole || Number.isInteger(number)));
-  };
-  return (
-    <label className="field" title={title}>
-      {label}
-      <input
-        type="number"
-        className="num"
-        data-testid={testId}
-        min={0}
-        max={max}
-        step={step}
-        placeholder={usual}
-        aria-invalid={!usable(text)}
-        value={text}
-        onChange={(event) => {
-          const typed = event.target.value;
-          const next = typed === "" ? null : Number(typed);
-          if (usable(typed)) set(next);
-          setDraft({ text: typed, of: usable(typed) ? next : value });
-        }}
-        onBlur={() => setDraft(null)}
-      />
     </label>
   );
 }

@@ -20,6 +20,7 @@ import { liveBasis } from "../../store/reach";
 import { pickAt, useSelection } from "../../store/selection";
 import { useView } from "../../store/view";
 import { StatusMark } from "../../ui/StatusMark";
+import { PosturePanel } from "../posture/PosturePanel";
 import { PlanCommands } from "../commands/PlanCommands";
 import { Findings } from "./Findings";
 import { PlanOptions } from "./PlanOptions";
@@ -33,6 +34,7 @@ export function PlanPanel() {
     <>
       <PlanRequestRow />
       <PlanSettings />
+      <PosturePanel />
       {job && (
         <section className="section stack" role="status">
           <div className="row between">
@@ -141,12 +143,18 @@ function PlanView({ plan }: { plan: PlanAnswer }) {
       <section className="section stack">
         <div className="row">
           <StatusMark status={found ? "normal" : "serious"} label={found ? "good" : "no plan"} />
-          <strong data-testid="plan-outcome">{capital(words(plan.outcome))}</strong>
-          <span className="quiet small num plan-cost">{milliseconds(tookMs(plan.statistics))}</span>
+          <strong data-testid="plan-outcome">
+            {plan.posture ? "Posture" : capital(words(plan.outcome))}
+          </strong>
+          {!plan.posture && (
+            <span className="quiet small num plan-cost">
+              {milliseconds(tookMs(plan.statistics))}
+            </span>
+          )}
         </div>
         <Outdated plan={plan} />
         {found ? (
-          plan.reason && <p className="quiet">{capital(readable(plan.reason))}</p>
+          plan.reason && <p className="quiet">{capital(readable(plan.reason))}.</p>
         ) : (
           <Missing plan={plan} />
         )}
@@ -155,7 +163,7 @@ function PlanView({ plan }: { plan: PlanAnswer }) {
       {plan.commands.length > 0 && <PlanCommands plan={plan} />}
       {found && <WayBack plan={plan} />}
       <Findings findings={plan.findings} />
-      <Work plan={plan} />
+      {!plan.posture && <Work plan={plan} />}
     </>
   );
 }

@@ -3,11 +3,11 @@
 import { Pause, Play } from "lucide-react";
 
 import type { PlanAnswer } from "../../api/types";
-import { metres, newtons } from "../../lib/format";
+import { newtons } from "../../lib/format";
 import { phaseName, phaseSpans } from "../../lib/planWords";
 import { formatSpan } from "../../lib/time";
-import { useConsole } from "../../store/console";
 import { planDuration, scrubTo, stopPlaying, togglePlaying, usePlan } from "../../store/plan";
+import { PlanMarginStrip } from "./PlanMarginStrip";
 
 /** Whole steps, so that the last of them is the very end. */
 const SCRUB_STEPS = 200;
@@ -45,7 +45,7 @@ export function Preview({ plan }: { plan: PlanAnswer }) {
             }}
           />
           <Phases plan={plan} length={length} at_s={at_s} />
-          <MarginStrip plan={plan} length={length} at_s={at_s} />
+          <PlanMarginStrip plan={plan} length={length} at_s={at_s} />
         </div>
       </div>
       <div className="row between small">
@@ -81,73 +81,6 @@ function Phases({ plan, length, at_s }: { plan: PlanAnswer; length: number; at_s
           style={{ left: share(from_s), width: share(to_s - from_s) }}
         />
       ))}
-    </div>
-  );
-}
-
-const [W, H] = [220, 34];
-
-/** Margin against time, its least value marked and what the rule asks for as a line. */
-function MarginStrip({ plan, length, at_s }: { plan: PlanAnswer; length: number; at_s: number }) {
-  const needed = useConsole((s) => s.model?.margin_m ?? 0);
-  const { time_s, regular_m } = plan.margins;
-  const samples = time_s.flatMap((time_s, i) => {
-    const margin_m = regular_m[i];
-    return margin_m == null ? [] : [{ time_s, margin_m }];
-  });
-  if (samples.length < 2 || length <= 0) return null;
-  const most = Math.max(needed * 1.5, ...samples.map((m) => m.margin_m));
-  const least = samples.reduce((a, b) => (b.margin_m < a.margin_m ? b : a));
-  const low = Math.min(0, least.margin_m);
-  const x = (t: number) => (t / length) * W;
-  const y = (m: number) => H - 2 - ((m - low) / (most - low)) * (H - 6);
-  const path = samples
-    .map((m) => `${x(m.time_s).toFixed(1)} ${y(m.margin_m).toFixed(1)}`)
-    .join("L");
-  const short = least.margin_m < needed;
-  return (
-    <div className="margin-strip">
-      <svg
-        viewBox={`0 0 ${W} ${H}`}
-        preserveAspectRatio="none"
-        role="img"
-        aria-label={`Margin along the step, least ${metres(least.margin_m)}`}
-      >
-        <path d={`M${path}L${W} ${H}L0 ${H}Z`} fill="var(--text-2)" opacity="0.16" />
-        <path
-          d={`M${path}`}
-          fill="none"
-          stroke="var(--text-2)"
-          strokeWidth="1.4"
-          vectorEffect="non-scaling-stroke"
-        />
-        <path
-          d={`M0 ${y(needed)}H${W}`}
-          stroke="var(--serious)"
-          strokeDasharray="3 3"
-          strokeWidth="1"
-          vectorEffect="non-scaling-stroke"
-        />
-        <path
-          d={`M${x(at_s)} 0V${H}`}
-          stroke="var(--accent)"
-          strokeWidth="1.5"
-          vectorEffect="non-scaling-stroke"
-        />
-        <path
-          d={`M${x(least.time_s)} ${y(least.margin_m)}h0.01`}
-          stroke={short ? "var(--serious)" : "var(--text)"}
-          strokeWidth="7"
-          strokeLinecap="round"
-          vectorEffect="non-scaling-stroke"
-        />
-      </svg>
-      <div className="row between small">
-        <span className="quiet">margin, least</span>
-        <span className="num" data-testid="least-margin">
-          {metres(least.margin_m)} at {formatSpan(least.time_s)}
-        </span>
-      </div>
     </div>
   );
 }

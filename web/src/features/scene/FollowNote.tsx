@@ -4,6 +4,7 @@ import { type RefObject, useLayoutEffect } from "react";
 
 import type { PlanAnalysis, Vec3 } from "../../api/types";
 import { capital, legLabel, metres } from "../../lib/format";
+import { leastOf, planMargins } from "../../lib/planMargins";
 import { inTheWayOf, milliseconds, tookMs, whySentence } from "../../lib/planWords";
 import type { Viewer } from "../../scene/viewer";
 import { FOLLOW_DEADLINE_S, useFollow } from "../../store/follow";
@@ -44,15 +45,14 @@ export function FollowNote({ note, viewer }: Props) {
 }
 
 function Found({ answer }: { answer: PlanAnalysis }) {
-  const margins = answer.margins.regular_m.filter((m) => m != null);
+  const margins = planMargins(answer);
+  const least = margins && leastOf(margins);
   const shifts = answer.waypoints.some((w) => w.phase === "shift");
   return (
     <>
       <strong>{capital(legLabel(answer.leg))} can step here</strong>
       {shifts && <span>after a shift of the body</span>}
-      <Took answer={answer}>
-        {margins.length > 0 && `least margin ${metres(Math.min(...margins))}`}
-      </Took>
+      <Took answer={answer}>{least && `least margin ${metres(least.margin_m)}`}</Took>
     </>
   );
 }

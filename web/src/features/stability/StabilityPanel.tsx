@@ -1,8 +1,10 @@
 // How far the rover is from tipping, slipping and overloading a joint: every margin, now and lately.
 
 import { useChannels, useConsole } from "../../store/console";
+import { EnergySlice } from "./EnergySlice";
 import { MarginStrip } from "./MarginStrip";
 import { MarginTable } from "./MarginTable";
+import { Rehearsal } from "./Rehearsal";
 import "./stability.css";
 
 export function StabilityPanel() {
@@ -12,6 +14,8 @@ export function StabilityPanel() {
   return (
     <>
       <MarginTable stability={stability} model={model} />
+      <Rehearsal />
+      <EnergySlice />
       <MarginStrip needed_m={model.margin_m} />
     </>
   );
