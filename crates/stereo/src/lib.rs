@@ -1,0 +1,18 @@
+//! Stereo cameras: models, rectification, matching, triangulation with covariance.
+//!
+//! Everything here is values in, values out: text of calibrations, gray images, robot and ground.
+//! Nothing reads files or clocks; parallel work is in threads that end with the call and gives the
+//! same bits as one thread. Lengths are meters, angles radians. Pixels count from the middle of the
+//! upper left one: x right, y down; a camera's axes are x right, y down, z forward.
+//!
+//! - [`camera`]: pinhole with Brown's distortion, CAHV, CAHVOR; [`calibration`]: their files.
+
+mod cahvor;
+pub mod calibration;
+pub mod camera;
+mod error;
+mod image;
+mod pinhole;
+
+pub use error::StereoError;
+pub use image::{GrayImage, ImageSize, MAX_PIXELS};
