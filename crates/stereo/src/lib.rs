@@ -6,12 +6,14 @@
 //! upper left one: x right, y down; a camera's axes are x right, y down, z forward.
 //!
 //! - [`camera`]: pinhole with Brown's distortion, CAHV, CAHVOR; [`calibration`]: their files.
+//! - [`matching`]: disparities of a rectified pair, by semi-global matching.
 
 mod cahvor;
 pub mod calibration;
 pub mod camera;
 mod error;
 mod image;
+pub mod matching;
 mod pinhole;
 
 pub use error::StereoError;

@@ -3,3 +3,5 @@
 
 mod calibration;
 mod camera;
+mod images;
+mod matching;
