@@ -6,15 +6,18 @@
 //! upper left one: x right, y down; a camera's axes are x right, y down, z forward.
 //!
 //! - [`camera`]: pinhole with Brown's distortion, CAHV, CAHVOR; [`calibration`]: their files.
+//! - [`rectification`]: both images as one ideal pair; [`epipolar`]: whether their rows agree.
 //! - [`matching`]: disparities of a rectified pair, by semi-global matching.
 
 mod cahvor;
 pub mod calibration;
 pub mod camera;
+pub mod epipolar;
 mod error;
 mod image;
 pub mod matching;
 mod pinhole;
+pub mod rectification;
 
 pub use error::StereoError;
 pub use image::{GrayImage, ImageSize, MAX_PIXELS};

@@ -63,7 +63,7 @@ impl Default for Matching {
             speckle_area: 100,
             speckle_step: 1.0,
             dark: 8,
-            contrast: 3,
+            contrast: 2,
             threads: 1,
         }
     }

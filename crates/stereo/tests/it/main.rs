@@ -5,3 +5,4 @@ mod calibration;
 mod camera;
 mod images;
 mod matching;
+mod rectification;
