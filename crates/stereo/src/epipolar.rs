@@ -253,8 +253,8 @@ const CORRECTION_MAX: f64 = 0.035;
 /// [`MATCHES_MIN`] matches or it would be more than 2 degrees.
 ///
 /// A turn of the right camera by a small ω (in rectified axes) moves a point (x, y) of the plane z = 1
-/// down by ωx (1 + y²) - ωy x y - ωz x. About y it hardly shows across the rows, so it is held near zero
-/// (0.1 degrees): what it does to depth cannot be seen in matches.
+/// down by ωx (1 + y²) - ωy x y - ωz x. About y it hardly shows across the rows and changes all depths,
+/// so ωy stays zero: what matches cannot tell is not touched.
 pub fn correction(geometry: &RectifiedGeometry, matches: &[Match]) -> Option<UnitQuaternion<f64>> {
     if matches.len() < MATCHES_MIN {
         return None;
@@ -279,8 +279,10 @@ pub fn correction(geometry: &RectifiedGeometry, matches: &[Match]) -> Option<Uni
             normal += row.0 * row.0.transpose() * weight;
             side += row.0 * (row.1 * weight);
         }
-        let held = 0.1_f64.to_radians();
-        normal[(1, 1)] += (scale / held).powi(2);
+        // Nothing is known about y.
+        normal.fill_row(1, 0.0);
+        normal.fill_column(1, 0.0);
+        (normal[(1, 1)], side.y) = (1.0, 0.0);
         let next: Vector3<f64> = normal.cholesky()?.solve(&side);
         let moved = (next - turn).norm();
         turn = next;

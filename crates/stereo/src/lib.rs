@@ -8,6 +8,7 @@
 //! - [`camera`]: pinhole with Brown's distortion, CAHV, CAHVOR; [`calibration`]: their files.
 //! - [`rectification`]: both images as one ideal pair; [`epipolar`]: whether their rows agree.
 //! - [`matching`]: disparities of a rectified pair, by semi-global matching.
+//! - [`surface`]: points with covariance; [`pair`]: all of it for one pair, with its health.
 
 mod cahvor;
 pub mod calibration;
@@ -16,8 +17,10 @@ pub mod epipolar;
 mod error;
 mod image;
 pub mod matching;
+pub mod pair;
 mod pinhole;
 pub mod rectification;
+pub mod surface;
 
 pub use error::StereoError;
 pub use image::{GrayImage, ImageSize, MAX_PIXELS};

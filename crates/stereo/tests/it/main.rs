@@ -6,3 +6,4 @@ mod camera;
 mod images;
 mod matching;
 mod rectification;
+mod surface;
