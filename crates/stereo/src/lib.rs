@@ -9,6 +9,7 @@
 //! - [`rectification`]: both images as one ideal pair; [`epipolar`]: whether their rows agree.
 //! - [`matching`]: disparities of a rectified pair, by semi-global matching.
 //! - [`surface`]: points with covariance; [`pair`]: all of it for one pair, with its health.
+//! - [`ray`]: rays against ground and robot; [`render`]: images of simulated cameras, and their truth.
 
 mod cahvor;
 pub mod calibration;
@@ -19,7 +20,9 @@ mod image;
 pub mod matching;
 pub mod pair;
 mod pinhole;
+pub mod ray;
 pub mod rectification;
+pub mod render;
 pub mod surface;
 
 pub use error::StereoError;
