@@ -10,10 +10,13 @@
 //! - [`matching`]: disparities of a rectified pair, by semi-global matching.
 //! - [`surface`]: points with covariance; [`pair`]: all of it for one pair, with its health.
 //! - [`ray`]: rays against ground and robot; [`render`]: images of simulated cameras, and their truth.
+//! - [`rig`]: the pairs of a robot; [`coverage`]: what they would see, before they are asked.
+//! - [`self_mask`]: which points are the robot itself.
 
 mod cahvor;
 pub mod calibration;
 pub mod camera;
+pub mod coverage;
 pub mod epipolar;
 mod error;
 mod image;
@@ -23,6 +26,8 @@ mod pinhole;
 pub mod ray;
 pub mod rectification;
 pub mod render;
+pub mod rig;
+pub mod self_mask;
 pub mod surface;
 
 pub use error::StereoError;
