@@ -4,8 +4,9 @@
 //! widened by how far it may be from there – encoders, compliance and pose – and by the window of the
 //! matcher. Position in the image alone tags nothing: a point inside the widened outline is
 //! *robot* if it is as near to the posed link as its uncertainty and the point's own explain, *shadow
-//! band* if it lies behind the link within the matcher's window of its outline, and *terrain* else. So a
-//! rock beside a wheel stays.
+//! band* if it lies behind the link within the matcher's window of its outline, or on the outline at a
+//! disparity that the matcher cannot tell from the link's, and *terrain* else. So a rock beside a wheel
+//! stays.
 //!
 //! The flattened template of the 2008 system is there for comparison, as [`tag_template`].
 
@@ -30,7 +31,7 @@ pub struct PostureErrors {
 
 impl Default for PostureErrors {
     fn default() -> PostureErrors {
-        PostureErrors { pose: 0.005, joint_rad: 0.001, sag: 0.05 }
+        PostureErrors { pose: 0.005, joint_rad: 0.001, sag: 0.04 }
     }
 }
 
@@ -76,13 +77,15 @@ pub struct MaskOptions {
     pub k: f64,
     /// Distance from the robot that still counts as robot beyond that (m).
     pub pad: f64,
-    /// Reach of the matcher's window and of its smoothing about an outline (px).
+    /// Reach of the matcher's window and of its smoothing about an outline (px), 0 to 100.
     pub spread_px: usize,
+    /// Disparities that smoothing draws into one another on an outline (px), 0 to 16.
+    pub smear_px: f64,
 }
 
 impl Default for MaskOptions {
     fn default() -> MaskOptions {
-        MaskOptions { k: 2.0, pad: 0.02, spread_px: 9 }
+        MaskOptions { k: 2.0, pad: 0.02, spread_px: 9, smear_px: 2.0 }
     }
 }
 
@@ -108,6 +111,7 @@ pub fn tag_robot(
     StereoError::check("k", options.k, [0.0, 10.0], "0 to 10 standard deviations")?;
     StereoError::check("pad", options.pad, [0.0, 10.0], "0 to 10 m")?;
     StereoError::check("spread_px", options.spread_px as f64, [0.0, 100.0], "0 to 100 px")?;
+    StereoError::check("smear_px", options.smear_px, [0.0, 16.0], "0 to 16 px")?;
     let outlines = Outlines::new(&surface.geometry, scene, sigmas, options);
     let geometry = surface.geometry;
     let mut counts = TagCounts::default();
@@ -133,6 +137,9 @@ pub fn tag_template(surface: &mut Surface, places: &[Point2<f64>], radius: f64) 
     }
 }
 
+/// What counts as on an outline (px).
+const CORE_PX: usize = 2;
+
 /// The links' outlines in the left image.
 struct Outlines {
     width: usize,
@@ -140,6 +147,8 @@ struct Outlines {
     margin: Vec<bool>,
     /// Depth of the nearest link whose outline is within the matcher's window; infinite if none.
     band: Vec<f32>,
+    /// The same on the outlines themselves.
+    core: Vec<f32>,
 }
 
 impl Outlines {
@@ -152,16 +161,18 @@ impl Outlines {
         let (width, height) = (geometry.size.width, geometry.size.height);
         let mut margin = vec![false; width * height];
         let mut band = vec![f32::INFINITY; width * height];
+        let mut core = band.clone();
         for solid in scene.solids() {
             let Some(outline) = Outline::new(geometry, solid) else { continue };
             let reach = options.k * sigmas.of(solid.link) * geometry.focal / outline.depth;
             let wide = (reach.ceil() as usize).min(width + height) + options.spread_px;
             outline.widened(width, height, wide, |i| margin[i] = true);
-            outline.widened(width, height, options.spread_px, |i| {
-                band[i] = band[i].min(outline.depth as f32);
-            });
+            let depth = outline.depth as f32;
+            let spread = options.spread_px;
+            outline.widened(width, height, spread, |i| band[i] = band[i].min(depth));
+            outline.widened(width, height, spread.min(CORE_PX), |i| core[i] = core[i].min(depth));
         }
-        Outlines { width, margin, band }
+        Outlines { width, margin, band, core }
     }
 
     fn tag(
@@ -188,7 +199,14 @@ impl Outlines {
             return Tag::Robot;
         }
         let depth = geometry.frame_from_rectified.inverse_transform_point(&point.position).z;
-        if depth > f64::from(self.band[i]) { Tag::ShadowBand } else { Tag::Terrain }
+        let disparity = |depth: f32| geometry.focal * geometry.baseline / f64::from(depth);
+        let is_smeared = f64::from(point.disparity) < disparity(self.core[i]) + options.smear_px;
+        let on_outline = self.core[i] < f32::INFINITY;
+        if depth > f64::from(self.band[i]) || (on_outline && is_smeared) {
+            Tag::ShadowBand
+        } else {
+            Tag::Terrain
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use geometry::{Grid, Raster};
 use nalgebra::{Point2, Vector3};
-use rover::{Configuration, LegId, Posture, Robot};
+use rover::{Configuration, Posture, Robot};
 use stereo::camera::Camera;
 use stereo::matching::Matching;
 use stereo::pair::{PairOptions, Reconstruction, reconstruct};
@@ -171,21 +171,18 @@ fn judge(views: &[(Surface, PairTruth)], actual: &RayScene) -> Outcome {
     }
 }
 
-/// The posture in which each wheel is `sag` below where `configuration` has it, by the hip pitch.
+/// The posture in which each wheel is `sag` straight below where `configuration` has it.
 fn sagged(robot: &Robot, configuration: &Configuration, sag: f64) -> Posture {
+    let reported = Posture::new(robot, configuration);
     let mut actual = configuration.clone();
-    for leg in 0..robot.legs().len() {
-        let height = |q: &Configuration| {
-            Posture::new(robot, q).wheel(robot, LegId(leg)).world_from_wheel.translation.z
-        };
-        let wished = height(configuration) - sag;
-        // The wheel sinks with the angle; halving finds it.
-        let (mut low, mut high) = (0.0, 0.5);
-        for _ in 0..40 {
-            let middle = 0.5 * (low + high);
-            actual.legs[leg][1] = configuration.legs[leg][1] + middle;
-            if height(&actual) > wished { low = middle } else { high = middle }
-        }
+    for leg in robot.leg_ids() {
+        let mut wheel = reported.wheel(robot, leg).world_from_wheel;
+        wheel.translation.z -= sag;
+        let solutions = reported.inverse_kinematics(robot, leg, &wheel).unwrap();
+        let near = |angles: &rover::LegAngles| (angles - configuration.legs[leg.0]).norm();
+        let best = solutions.iter().map(|solution| solution.angles);
+        actual.legs[leg.0] = best.min_by(|a, b| near(a).total_cmp(&near(b))).unwrap();
+        assert!(near(&actual.legs[leg.0]) < 0.5, "the leg bends, it does not flip");
     }
     Posture::new(robot, &actual)
 }
