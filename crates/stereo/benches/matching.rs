@@ -1,5 +1,7 @@
 //! CPU time of matching a frame, against a block matcher and an SGM written straight from the paper.
 
+#![allow(clippy::unwrap_used)]
+
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};

@@ -96,7 +96,7 @@ impl Cahvor {
     pub(crate) fn project(&self, point: &Point3<f64>) -> Option<Point2<f64>> {
         let d = point.coords - self.c;
         let along = d.dot(&self.o);
-        if !(along > 0.0) {
+        if along.is_nan() || along <= 0.0 {
             return None;
         }
         let aside = d - self.o * along;
@@ -123,7 +123,7 @@ impl Cahvor {
         // The sign that looks forward.
         let seen = across.try_normalize(0.0)? * across.dot(&self.a).signum();
         let along = seen.dot(&self.o);
-        if !(along > 0.0) {
+        if along.is_nan() || along <= 0.0 {
             return None;
         }
         let aside = seen - self.o * along;

@@ -290,10 +290,8 @@ pub fn correction(geometry: &RectifiedGeometry, matches: &[Match]) -> Option<Uni
             break;
         }
     }
-    if !(turn.norm() <= CORRECTION_MAX) {
-        return None;
-    }
-    Some(UnitQuaternion::from_scaled_axis(geometry.frame_from_rectified.rotation * turn))
+    let axes = geometry.frame_from_rectified.rotation;
+    (turn.norm() <= CORRECTION_MAX).then(|| UnitQuaternion::from_scaled_axis(axes * turn))
 }
 
 /// A pair rectified and, where that helps, mended.

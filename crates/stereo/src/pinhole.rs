@@ -172,16 +172,13 @@ impl Pinhole {
 
     pub(crate) fn project(&self, point: &Point3<f64>) -> Option<Point2<f64>> {
         let p = self.frame_from_camera.inverse_transform_point(point);
-        if !(p.z > 0.0) {
+        if p.z.is_nan() || p.z <= 0.0 {
             return None;
         }
         let ideal = Vector2::new(p.x / p.z, p.y / p.z);
-        if !(ideal.norm_squared() <= self.limit) {
-            return None;
-        }
         let seen = self.distortion.distorted(&ideal);
         let at = |i: usize| self.focal[i] * seen[i] + self.principal[i];
-        Some(Point2::new(at(0), at(1)))
+        (ideal.norm_squared() <= self.limit).then(|| Point2::new(at(0), at(1)))
     }
 
     pub(crate) fn direction(&self, pixel: &Point2<f64>) -> Option<Unit<Vector3<f64>>> {

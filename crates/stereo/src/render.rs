@@ -5,6 +5,7 @@
 //! spread, vignetting, shot and read noise, quantization. Each effect can be switched off. Rows have
 //! their own random streams, so any number of threads gives the same image.
 
+mod misfit;
 mod sensor;
 mod texture;
 
@@ -20,6 +21,7 @@ use crate::image::{GrayImage, ImageSize};
 use crate::ray::{Hit, RayScene, Target};
 use crate::rectification::{RectifiedGeometry, Side};
 
+pub use misfit::CalibrationErrors;
 pub use sensor::Sensor;
 pub use texture::Texture;
 
@@ -257,7 +259,7 @@ fn shade(
     albedo * light
 }
 
-/// Fills rows by several threads; false rows end the work.
+/// Fills rows by several threads, until `stop` says true.
 fn by_rows<T: Send>(
     size: ImageSize,
     values: &mut [T],

@@ -75,7 +75,7 @@ impl GroundRays {
                 end = end.min(a.max(b));
             }
         }
-        if !(t <= end) {
+        if t > end {
             return None;
         }
         let cell = |axis: usize, t: f64, low: usize, high: usize| {

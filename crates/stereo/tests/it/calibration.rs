@@ -1,6 +1,8 @@
 //! Calibration files of other programs, and the mistakes in them.
 
 use nalgebra::{Point2, Point3, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use stereo::StereoError;
 use stereo::calibration::{read_cahvor, read_middlebury, read_opencv, read_opencv_pair, read_tsai};
 use stereo::camera::Camera;
@@ -162,4 +164,39 @@ fn a_camera_info_of_ros_is_read_and_other_lenses_are_refused() {
     assert_eq!(read_opencv(&zeros, None).unwrap(), camera);
     assert!(read_opencv("{\"a\": 1}", None).unwrap_err().to_string().contains("JSON"));
     assert!(read_opencv(ros, Some(size(320, 240))).is_err());
+}
+
+#[test]
+fn no_damage_to_a_file_makes_a_reader_panic_and_what_it_reads_is_usable() {
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let texts = [TSAI, CAHVOR, MIDDLEBURY, INTRINSICS, EXTRINSICS];
+    let bits = ["nan", "-", "1e999", "=", "0", "[", "]", ":", "\n", "E", "inf", "9", " ", "é"];
+    let mut n_read = 0;
+    for round in 0..20_000 {
+        let mut text: Vec<char> = texts[round % texts.len()].chars().collect();
+        for _ in 0..rng.random_range(1..4) {
+            let at = rng.random_range(0..text.len());
+            let to = (at + rng.random_range(0..6)).min(text.len());
+            let bit = bits[rng.random_range(0..bits.len())];
+            text.splice(at..to, bit.chars());
+        }
+        let text: String = text.into_iter().collect();
+        let size = size(1024, 768);
+        let mut cameras: Vec<Camera> = Vec::new();
+        cameras.extend(read_tsai(&text, size));
+        cameras.extend(read_cahvor(&text, None));
+        cameras.extend(read_middlebury(&text).into_iter().flatten());
+        cameras.extend(read_opencv(&text, Some(size)));
+        cameras.extend(read_opencv_pair(&text, EXTRINSICS, Some(size), 1e-3).into_iter().flatten());
+        cameras.extend(read_opencv_pair(INTRINSICS, &text, Some(size), 1e-3).into_iter().flatten());
+        for camera in cameras {
+            n_read += 1;
+            let middle = Point2::new(500.0, 300.0);
+            if let Some(ray) = camera.ray(&middle) {
+                let back = camera.project(&(ray.origin + ray.direction.into_inner()));
+                assert!(back.is_some_and(|back| (back - middle).norm() < 1e-3), "{text}");
+            }
+        }
+    }
+    assert!(n_read > 2000, "{n_read}");
 }

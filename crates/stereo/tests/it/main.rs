@@ -1,5 +1,7 @@
 //! Tests of the crate as its users see it.
 #![allow(clippy::unwrap_used)]
+// Figures of quality, for `--nocapture`.
+#![allow(clippy::print_stdout)]
 
 mod calibration;
 mod camera;

@@ -57,7 +57,7 @@ pub fn quality(size: ImageSize, truth: &[f32], found: &[f32]) -> Quality {
         invalid: 100.0 * invalid / n,
         bad_2: 100.0 * bad_2 / valid,
         bad_1: 100.0 * bad_1 / valid,
-        rms: (squares / n_close as f64).sqrt(),
+        rms: (squares / n_close).sqrt(),
     }
 }
 

@@ -5,7 +5,9 @@ use stereo::StereoError;
 use stereo::camera::{Brown, Camera, Pinhole};
 use stereo::ray::RayScene;
 use stereo::rectification::{Rectification, RectifyOptions};
-use stereo::render::{Light, RenderOptions, Sensor, Texture, pair_truth, render, truth};
+use stereo::render::{
+    CalibrationErrors, Light, RenderOptions, Sensor, Texture, pair_truth, render, truth,
+};
 use terrain::ElevationMap;
 
 use crate::camera::size;
@@ -135,4 +137,34 @@ fn the_truth_of_a_pair_over_a_plane_is_one_disparity() {
         assert!((d - 12.0).abs() < 1e-4, "{d}");
         assert_eq!(truth.occluded[i], i % 96 < 12, "the right camera's image begins there");
     }
+}
+
+#[test]
+fn a_misfit_pair_is_off_by_what_was_asked() {
+    let pair = [&looking_down(0.0, 2.0), &looking_down(0.3, 2.0)];
+    let none =
+        CalibrationErrors { intrinsics_px: 0.0, relative_rad: 0.0, pair: 0.0, pair_rad: 0.0 };
+    let same = none.actual(pair, 1).unwrap();
+    assert!((same[1].center() - pair[1].center()).norm() < 1e-12);
+    let errors = CalibrationErrors { relative_rad: 1e-3, ..none };
+    let n = 400;
+    let (mut squares, mut focal, mut shift) = (0.0, 0.0, 0.0);
+    for seed in 0..n {
+        let [left, right] = errors.actual(pair, seed).unwrap();
+        assert!(left.axes().angle_to(&pair[0].axes()) < 1e-9);
+        assert!((right.center() - pair[1].center()).norm() < 1e-12);
+        squares += right.axes().angle_to(&pair[1].axes()).powi(2) / n as f64;
+        let lens = CalibrationErrors { intrinsics_px: 0.2, ..none }.actual(pair, seed).unwrap();
+        focal += (lens[0].focal()[0] - 80.0).powi(2) / n as f64;
+        let moved = CalibrationErrors { pair: 0.01, ..none }.actual(pair, seed).unwrap();
+        let by = moved.clone().map(|camera| camera.center());
+        assert!(((by[1] - by[0]) - Vector3::new(0.3, 0.0, 0.0)).norm() < 1e-9, "both move");
+        shift += (by[0] - pair[0].center()).norm_squared() / n as f64;
+    }
+    // Three axes of 1 mrad and of 1 cm; one focal length.
+    assert!((squares.sqrt() / 3.0_f64.sqrt() / 1e-3 - 1.0).abs() < 0.1, "{squares}");
+    assert!((shift.sqrt() / 3.0_f64.sqrt() / 0.01 - 1.0).abs() < 0.1, "{shift}");
+    assert!((focal.sqrt() / 0.2 - 1.0).abs() < 0.15, "{focal}");
+    assert_eq!(errors.actual(pair, 5).unwrap(), errors.actual(pair, 5).unwrap());
+    assert!(CalibrationErrors { relative_rad: 1.0, ..none }.actual(pair, 1).is_err());
 }
