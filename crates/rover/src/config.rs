@@ -109,6 +109,9 @@ pub(crate) struct RobotToml {
     #[serde(default)]
     poses: BTreeMap<String, PoseToml>,
     pub legs: Vec<LegToml>,
+    /// Read by `stereo`.
+    #[serde(default, rename = "camera_pairs")]
+    _camera_pairs: serde::de::IgnoredAny,
 }
 
 #[derive(Deserialize)]

@@ -9,7 +9,7 @@ const MAY_IMPORT: &[(&str, &[&str])] = &[
     ("terrain", &["geometry"]),
     ("collision", &["geometry", "rover", "terrain"]),
     ("stability", &["geometry", "rover"]),
-    ("stereo", &["geometry", "rover", "collision"]),
+    ("stereo", &["geometry", "rover", "terrain", "collision"]),
     ("reachability", &["geometry", "rover", "terrain", "collision", "stability"]),
     ("motion", &["geometry", "rover", "terrain", "collision", "stability"]),
     (

@@ -1,0 +1,15 @@
+//! Tests of the crate as its users see it.
+#![allow(clippy::unwrap_used)]
+// Figures of quality, for `--nocapture`.
+#![allow(clippy::print_stdout)]
+
+mod calibration;
+mod camera;
+mod images;
+mod matching;
+mod ray;
+mod rectification;
+mod render;
+mod rig;
+mod self_mask;
+mod surface;
