@@ -227,7 +227,8 @@ async fn the_rover_executes_what_the_adviser_proposes() {
     for (leg, margin_m, change) in [("leg1", 0.2, "chassis"), ("leg2", 0.3, "fold")] {
         let ground = Ground::start().await;
         let advice = json!({ "leg": leg, "conservative_m": margin_m, "replace": false });
-        let answer = ground.post("analysis/posture", &json!({ "advice": advice })).await.json();
+        let request = json!({ "advice": advice, "deadline_s": 300 });
+        let answer = ground.post("analysis/posture", &request).await.json();
         let advice = &answer["advice"];
         assert_eq!(advice["outcome"], "found", "{advice}");
         let proposal = &advice["proposals"][0];

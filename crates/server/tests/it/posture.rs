@@ -7,8 +7,8 @@ use crate::support::Ground;
 /// The adviser's answer about a leg, as it is kept.
 async fn advised(ground: &Ground, leg: &str, conservative_m: f64) -> Value {
     let advice = json!({ "leg": leg, "conservative_m": conservative_m, "replace": false });
-    let accepted = ground.post("rover/posture", &json!({ "advice": advice })).await;
-    let report = ground.job(&accepted).await;
+    let request = json!({ "advice": advice, "deadline_s": 300 });
+    let report = ground.job(&ground.post("rover/posture", &request).await).await;
     assert_eq!((&report["kind"], &report["state"]), (&json!("posture"), &json!("done")));
     ground.get(report["result"].as_str().unwrap()).await.json()
 }

@@ -19,7 +19,7 @@ export function Preview({ plan }: { plan: PlanAnswer }) {
   const phase = at === undefined ? "" : phaseName(at);
   return (
     <section className="section stack" aria-label="Preview">
-      <div className="row">
+      <div className="row preview-row">
         <button
           type="button"
           className="button icon"
