@@ -14,6 +14,62 @@ pub enum TerrainError {
         /// What the field takes.
         expected: &'static str,
     },
+    /// A layer that does not lie on the map's nodes.
+    #[error(
+        "{what} lies on a grid of {}x{} nodes, the map on one of {}x{}, or elsewhere: \
+         give it on the map's own grid",
+        found[0], found[1], expected[0], expected[1]
+    )]
+    OtherGrid {
+        /// The layer.
+        what: &'static str,
+        /// Its nodes along x and y.
+        found: [usize; 2],
+        /// Those of the map.
+        expected: [usize; 2],
+    },
+    /// A point whose position or variance is unusable.
+    #[error("points[{index}].{field} is {value}: give a value from {low} to {high}")]
+    Point {
+        /// Which point.
+        index: usize,
+        /// The field.
+        field: &'static str,
+        /// What was given.
+        value: f64,
+        /// Least value.
+        low: f64,
+        /// Largest value.
+        high: f64,
+    },
+    /// An input that would make the map larger than allowed.
+    #[error(
+        "the map would have {n_tiles} tiles, more than the {tiles_max} allowed: crop the input"
+    )]
+    TooManyTiles {
+        /// Tiles it would have.
+        n_tiles: usize,
+        /// Tiles allowed.
+        tiles_max: usize,
+    },
+    /// An input on a lattice of another resolution.
+    #[error("the input has cells of {found_m} m, the map of {expected_m} m: rasterize it anew")]
+    OtherResolution {
+        /// Its resolution (m).
+        found_m: f64,
+        /// The map's (m).
+        expected_m: f64,
+    },
+    /// A pair that is already in the map, or is not.
+    #[error("source {source_id} is {state} the map: {mend}")]
+    MapSource {
+        /// Its number.
+        source_id: u32,
+        /// `already in` or `not in`.
+        state: &'static str,
+        /// What to do instead.
+        mend: &'static str,
+    },
     /// A map with more nodes than allowed, refused before any memory is taken.
     #[error(
         "the map would have {n_nodes} nodes, more than the {max_nodes} allowed: \

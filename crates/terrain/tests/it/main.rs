@@ -9,3 +9,4 @@ mod real_files;
 mod synthetic;
 mod tiff;
 mod traversability;
+mod update;
