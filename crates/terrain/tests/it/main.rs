@@ -2,8 +2,10 @@
 #![allow(clippy::unwrap_used)]
 
 mod formats;
+mod fusion;
 mod hostile;
 mod map;
+mod pairs;
 mod properties;
 mod real_files;
 mod synthetic;
