@@ -32,12 +32,25 @@ pub fn shared_data_path(test: &str, path: &str) -> Option<PathBuf> {
     if full.is_file() {
         return Some(full);
     }
-    let note = format!("SKIPPED {test}: shared data {path} is absent");
+    skipped(&format!("SKIPPED {test}: shared data {path} is absent"));
+    None
+}
+
+/// True if a program that serves as an oracle is installed, or false with a note that `test` was
+/// skipped.
+pub fn is_installed(test: &str, program: &str) -> bool {
+    let found = std::process::Command::new(program).arg("--version").output().is_ok();
+    if !found {
+        skipped(&format!("SKIPPED {test}: {program} is not installed"));
+    }
+    found
+}
+
+fn skipped(note: &str) {
     eprintln!("{note}");
     let list = project_dir().join("target/skipped-tests.txt");
     if let Ok(mut file) = OpenOptions::new().create(true).append(true).open(list) {
         // The note on stderr already told; a list that cannot be written must not fail the test.
         let _ = writeln!(file, "{note}");
     }
-    None
 }

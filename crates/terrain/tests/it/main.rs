@@ -3,8 +3,12 @@
 
 mod formats;
 mod fusion;
+mod gdal;
 mod hostile;
+mod images;
+mod large;
 mod map;
+mod meshes;
 mod pairs;
 mod properties;
 mod real_files;
