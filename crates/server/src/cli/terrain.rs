@@ -70,19 +70,24 @@ pub(super) struct FileArgs {
     #[arg(long, value_name = "M")]
     crop_m: Option<f64>,
     /// Middle of that square, from the file's lower left corner (m): X,Y.
-    #[arg(long, value_name = "X,Y", value_delimiter = ',', num_args = 2, requires = "crop_m")]
-    center_m: Option<Vec<f64>>,
+    #[arg(long, value_name = "X,Y", value_parser = pair, requires = "crop_m")]
+    center_m: Option<[f64; 2]>,
     /// Distance between nodes (m) where the file does not tell.
     #[arg(long, value_name = "M")]
     cell_m: Option<f64>,
 }
 
+/// Two numbers with a comma between them.
+fn pair(text: &str) -> Result<[f64; 2], String> {
+    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|v| v.is_finite());
+    let parts = text.split_once(',').and_then(|(x, y)| number(x).zip(number(y)));
+    parts.map(|(x, y)| [x, y]).ok_or_else(|| "give two numbers, as 10,20".to_owned())
+}
+
 impl FileArgs {
     fn read(&self) -> Result<ElevationMap, RequestError> {
-        let crop = self.crop_m.map(|width_m| ImportCrop {
-            center_m: self.center_m.as_deref().and_then(|center| center.try_into().ok()),
-            width_m,
-        });
+        let center_m = self.center_m;
+        let crop = self.crop_m.map(|width_m| ImportCrop { center_m, width_m });
         let terrains = Terrains::new(FileRoot::Relative(PathBuf::new()), None);
         terrains.import(&At::root("file"), &self.file, crop.as_ref(), self.cell_m)
     }

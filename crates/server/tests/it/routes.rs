@@ -78,9 +78,12 @@ async fn a_cell_tells_what_is_known_of_it() {
     assert!(components.iter().all(|c| c["reason"].as_str().unwrap().len() > 20), "{cell}");
     let coarse = ground.get(&path("").replace("cell?", "tiles/height/1/0/0")).await;
     let fine = ground.get(&path("").replace("cell?", "tiles/height/0/0/0")).await;
-    // 481 nodes of 0.05 m: at zoom 1 241 of 0.1 m, the first of them the same.
-    assert_eq!(coarse.bytes.len(), 64 + 4 * 241 * 241);
-    assert_eq!(coarse.bytes[32..40], 0.1_f64.to_le_bytes());
+    // At zoom 1 every second node is left, the first of them the same.
+    let info = &versions["versions"][0];
+    let n = (info["size"][0].as_u64().unwrap() as usize - 1) / 2 + 1;
+    assert_eq!((&info["zooms"], coarse.bytes.len()), (&json!(2), 64 + 4 * n * n));
+    let apart = 2.0 * info["resolution_m"].as_f64().unwrap();
+    assert_eq!(coarse.bytes[32..40], apart.to_le_bytes());
     assert_eq!(coarse.bytes[64..68], fine.bytes[64..68]);
     assert_eq!(coarse.bytes[68..72], fine.bytes[72..76]);
     let export = |query: &str| path("").replace("cell?", &format!("export{query}"));

@@ -172,12 +172,7 @@ impl Mapper {
         )?;
         self.check(&input)?;
         let mut next = MapVersion::clone(&self.version);
-        self.apply(&mut next, &input, None);
-        let n_tiles = next.tiles.len();
-        if n_tiles > self.settings.tiles_max {
-            let tiles_max = self.settings.tiles_max;
-            return Err(TerrainError::TooManyTiles { n_tiles, tiles_max });
-        }
+        self.apply(&mut next, &input, None)?;
         self.inputs.push(input);
         self.version = Arc::new(next);
         Ok(self.version.clone())
@@ -187,9 +182,10 @@ impl Mapper {
     /// stay as they were found.
     pub fn remove(&mut self, source: u32) -> Result<Arc<MapVersion>, TerrainError> {
         let i = self.find(source)?;
-        let input = self.inputs.remove(i);
-        self.renew(&self.reach(&input));
-        Ok(self.version.clone())
+        let tiles = self.reach(&self.inputs[i]);
+        let mut inputs = self.inputs.clone();
+        inputs.remove(i);
+        self.renew(inputs, &tiles)
     }
 
     /// Blends a pair by another correction, or none: what undoes an alignment. Its alignment tells
@@ -201,16 +197,15 @@ impl Mapper {
     ) -> Result<Arc<MapVersion>, TerrainError> {
         correction.check()?;
         let i = self.find(source)?;
-        let before = self.reach(&self.inputs[i]);
-        let Input::Pair { alignment, .. } = &mut self.inputs[i] else {
+        let mut inputs = self.inputs.clone();
+        let Input::Pair { alignment, .. } = &mut inputs[i] else {
             let mend = "only pairs are aligned";
             return Err(TerrainError::MapSource { source_id: source, state: "no pair in", mend });
         };
         *alignment = Alignment { correction, is_chosen: true, ..alignment.clone() };
         let mut tiles = self.reach(&self.inputs[i]);
-        tiles.extend(before);
-        self.renew(&tiles);
-        Ok(self.version.clone())
+        tiles.extend(self.reach(&inputs[i]));
+        self.renew(inputs, &tiles)
     }
 
     fn find(&self, source: u32) -> Result<usize, TerrainError> {
@@ -256,27 +251,32 @@ impl Mapper {
         }
     }
 
-    /// Makes these tiles anew from all inputs; the others stay as they are.
-    fn renew(&mut self, tiles: &BTreeSet<TileIndex>) {
+    /// Takes other inputs, which give other cells in these tiles only. Nothing changes if the map would
+    /// become too large.
+    fn renew(
+        &mut self,
+        inputs: Vec<Input>,
+        tiles: &BTreeSet<TileIndex>,
+    ) -> Result<Arc<MapVersion>, TerrainError> {
         let mut next = MapVersion::empty(self.settings.resolution_m);
-        for input in &self.inputs {
+        for (index, tile) in self.version.tiles().filter(|(index, _)| !tiles.contains(*index)) {
+            next.tiles.insert(*index, tile.clone());
+        }
+        for input in &inputs {
             if !self.reach(input).is_disjoint(tiles) {
-                self.apply(&mut next, input, Some(tiles));
+                self.apply(&mut next, input, Some(tiles))?;
             }
         }
-        for (index, tile) in self.version.tiles() {
-            if !tiles.contains(index) {
-                next.tiles.insert(*index, tile.clone());
-            }
-        }
+        self.inputs = inputs;
         self.version = Arc::new(next);
+        Ok(self.version.clone())
     }
 
     /// The tiles that an input can change.
     fn reach(&self, input: &Input) -> BTreeSet<TileIndex> {
         let (low, high) = match input {
-            Input::Prior { dem, .. } => ends(dem),
-            Input::Pair { dem, alignment, .. } => ends(&dem.moved(&alignment.correction)),
+            Input::Prior { dem, .. } => dem.ends(),
+            Input::Pair { dem, alignment, .. } => dem.moved_ends(&alignment.correction),
             Input::Contact { position_m, radius_m, .. } => self.disc(position_m.xy(), *radius_m),
             Input::Disturbance { position_m, radius_m, .. } => self.disc(*position_m, *radius_m),
         };
@@ -293,19 +293,24 @@ impl Mapper {
     }
 
     /// Changes the cells of a map (in `only` these tiles) by an input.
-    fn apply(&self, map: &mut MapVersion, input: &Input, only: Option<&BTreeSet<TileIndex>>) {
+    fn apply(
+        &self,
+        map: &mut MapVersion,
+        input: &Input,
+        only: Option<&BTreeSet<TileIndex>>,
+    ) -> Result<(), TerrainError> {
         let settings = &self.settings;
         match input {
             Input::Prior { source, dem, time_ns } => {
                 let stamp = Stamp { time_ns: *time_ns, source: *source, is_prior: true };
-                blend_in(map, dem, stamp, settings, only);
+                blend_in(map, dem, stamp, settings, only)
             }
             Input::Pair { source, dem, time_ns, alignment } => {
                 let stamp = Stamp { time_ns: *time_ns, source: *source, is_prior: false };
                 if alignment.correction == Correction::NONE {
-                    blend_in(map, dem, stamp, settings, only);
+                    blend_in(map, dem, stamp, settings, only)
                 } else {
-                    blend_in(map, &dem.moved(&alignment.correction), stamp, settings, only);
+                    blend_in(map, &dem.moved(&alignment.correction), stamp, settings, only)
                 }
             }
             Input::Contact { source, position_m, normal, radius_m, variance_m2, time_ns } => {
@@ -315,13 +320,13 @@ impl Mapper {
                     let height = position_m.z + slope.dot(&offset);
                     blend::touch(cell, height, *variance_m2, stamp);
                     true
-                });
+                })
             }
             Input::Disturbance { position_m, radius_m, variance_m2 } => {
                 self.within(map, *position_m, *radius_m, only, &mut |cell, _| {
                     blend::disturb(cell, *variance_m2);
                     cell.is_ground()
-                });
+                })
             }
         }
     }
@@ -335,7 +340,7 @@ impl Mapper {
         radius: f64,
         only: Option<&BTreeSet<TileIndex>>,
         visit: &mut dyn FnMut(&mut Cell, nalgebra::Vector2<f64>) -> bool,
-    ) {
+    ) -> Result<(), TerrainError> {
         let (low, high) = self.disc(p, radius);
         for iy in low[1]..=high[1] {
             for ix in low[0]..=high[0] {
@@ -347,17 +352,12 @@ impl Mapper {
                 }
                 let mut cell = map.cell([ix, iy]);
                 if visit(&mut cell, offset) {
-                    map.tile_mut(tile).set(x, y, &cell);
+                    map.tile_mut(tile, self.settings.tiles_max)?.set(x, y, &cell);
                 }
             }
         }
+        Ok(())
     }
-}
-
-/// Lattice indices of a DEM's first and last cell.
-fn ends(dem: &PairDem) -> ([i32; 2], [i32; 2]) {
-    let ([x, y], [nx, ny]) = (dem.origin(), dem.size());
-    ([x, y], [x + nx as i32 - 1, y + ny as i32 - 1])
 }
 
 /// Blends a DEM into a map, tile by tile.
@@ -367,8 +367,8 @@ fn blend_in(
     stamp: Stamp,
     settings: &MapSettings,
     only: Option<&BTreeSet<TileIndex>>,
-) {
-    let (low, high) = ends(dem);
+) -> Result<(), TerrainError> {
+    let (low, high) = dem.ends();
     let ([x0, y0], [x1, y1]) = (locate(low).0, locate(high).0);
     let n = TILE as i32;
     for index in (y0..=y1).flat_map(|y| (x0..=x1).map(move |x| [x, y])) {
@@ -385,11 +385,12 @@ fn blend_in(
         let mut tells = seen.filter(|(_, cell)| cell.is_ground() || cell.flags != Flags::NONE);
         // A tile that nothing is told of is not made.
         let Some(first_told) = tells.next() else { continue };
-        let tile = map.tile_mut(index);
+        let tile = map.tile_mut(index, settings.tiles_max)?;
         for ((x, y), seen) in std::iter::once(first_told).chain(tells) {
             let mut cell = tile.cell(x as usize, y as usize);
             blend::observe(&mut cell, &seen, stamp, settings);
             tile.set(x as usize, y as usize, &cell);
         }
     }
+    Ok(())
 }

@@ -1,7 +1,7 @@
 //! The elevation map of one camera pair.
 
 use geometry::{Grid, Raster};
-use nalgebra::{Point2, Vector2};
+use nalgebra::{Point2, Point3, Vector2};
 
 use super::{Correction, Flags};
 use crate::{ElevationMap, MAX_NODES, TerrainError};
@@ -169,22 +169,8 @@ impl PairDem {
         if by.translation_m.xy() == Vector2::zeros() && by.yaw_rad == 0.0 {
             return PairDem { cells: self.cells.iter().map(lift).collect(), ..self.clone() };
         }
-        let [nx, ny] = self.size();
         let c = self.resolution_m;
-        let corners = [(0, 0), (nx - 1, 0), (0, ny - 1), (nx - 1, ny - 1)].map(|(x, y)| {
-            let p = Point2::new(
-                c * f64::from(self.origin[0] + x as i32),
-                c * f64::from(self.origin[1] + y as i32),
-            );
-            by.apply(p.coords.push(0.0).into()).xy() / c
-        });
-        let limit = f64::from(super::version::INDEX_MAX);
-        let ends = |axis: usize| {
-            let low = corners.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min).floor();
-            let high = corners.iter().map(|p| p[axis]).fold(f64::NEG_INFINITY, f64::max).ceil();
-            (low.clamp(-limit, limit) as i32, high.clamp(-limit, limit) as i32)
-        };
-        let ((x0, x1), (y0, y1)) = (ends(0), ends(1));
+        let ([x0, y0], [x1, y1]) = self.moved_ends(by);
         let (nx, ny) = ((x1 - x0) as usize + 1, (y1 - y0) as usize + 1);
         let mut cells = Vec::with_capacity(nx * ny);
         for iy in y0..y0 + ny as i32 {
@@ -194,6 +180,33 @@ impl PairDem {
             }
         }
         PairDem { resolution_m: c, origin: [x0, y0], nx, cells }
+    }
+
+    /// Lattice indices of the first and the last cell.
+    pub(super) fn ends(&self) -> ([i32; 2], [i32; 2]) {
+        let ([x, y], [nx, ny]) = (self.origin, self.size());
+        ([x, y], [x + nx as i32 - 1, y + ny as i32 - 1])
+    }
+
+    /// [`Self::ends`] after [`Self::moved`].
+    pub(super) fn moved_ends(&self, by: &Correction) -> ([i32; 2], [i32; 2]) {
+        let (low, high) = self.ends();
+        if by.translation_m.xy() == Vector2::zeros() && by.yaw_rad == 0.0 {
+            return (low, high);
+        }
+        let c = self.resolution_m;
+        let corners = [low, [high[0], low[1]], [low[0], high[1]], high].map(|[x, y]| {
+            let p = Point3::new(c * f64::from(x), c * f64::from(y), 0.0);
+            by.apply(p).xy() / c
+        });
+        let limit = f64::from(super::version::INDEX_MAX);
+        let end = |axis: usize, pick: fn(f64, f64) -> f64| {
+            let along = corners.iter().map(|p| p[axis]);
+            along.reduce(pick).unwrap_or(0.0).clamp(-limit, limit)
+        };
+        let low = [0, 1].map(|axis| end(axis, f64::min).floor() as i32);
+        let high = [0, 1].map(|axis| end(axis, f64::max).ceil() as i32);
+        (low, high)
     }
 
     /// The cell at a place between nodes (cells).

@@ -4,10 +4,14 @@ use nalgebra::Point3;
 
 use super::version::INDEX_MAX;
 use super::{Flags, PairCell, PairDem};
-use crate::{MAX_NODES, TerrainError};
+use crate::TerrainError;
 
 /// Most points of one pair.
 const POINTS_MAX: usize = 50_000_000;
+/// Most cells of the map of one pair.
+const CELLS_MAX: usize = 16_000_000;
+/// Most cells that the pixels of one pair cover, counted once for each pixel.
+const USES_MAX: f64 = 5e7;
 
 /// What a point is of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -74,7 +78,7 @@ pub struct Rasterized {
 /// A point counts in the cell that it lies in, and in those whose node its pixel covers. A cell
 /// with points of the robot (shadow band) and none of the ground is flagged. A cell whose heights
 /// are in two groups, of two points or more each, has the upper one as height and the lower one
-/// beside it. Points that are not finite, and extents beyond [`MAX_NODES`], are refused.
+/// beside it. Points that are not finite, and extents of more than 16 million cells, are refused.
 pub fn rasterize(
     points: &[Measurement],
     options: &RasterizeOptions,
@@ -105,7 +109,7 @@ pub fn rasterize(
         return Err(TerrainError::NoKnownHeight);
     }
     let (nx, ny) = ((ends[2] - ends[0]) as usize + 1, (ends[3] - ends[1]) as usize + 1);
-    TerrainError::check_nodes(nx as f64 * ny as f64, MAX_NODES)?;
+    TerrainError::check_nodes(nx as f64 * ny as f64, CELLS_MAX)?;
     let n_uses: f64 = points
         .iter()
         .filter(kept)
@@ -114,8 +118,8 @@ pub fn rasterize(
             (xs.end() - xs.start() + 1) as f64 * (ys.end() - ys.start() + 1) as f64
         })
         .sum();
-    let expected = "pixels that cover at most 2e8 cells in all: use a coarser resolution";
-    TerrainError::check("footprint_m (cells covered)", n_uses, [0.0, 2e8], expected)?;
+    let expected = "pixels that cover at most 5e7 cells in all: use a coarser resolution";
+    TerrainError::check("footprint_m (cells covered)", n_uses, [0.0, USES_MAX], expected)?;
     // Points by cell: counted, then sorted into one list in the order they came.
     let each_use = |visit: &mut dyn FnMut(usize, u32)| {
         for (i, p) in points.iter().enumerate().filter(|(_, p)| kept(p)) {

@@ -8,6 +8,7 @@ use geometry::{Grid, Raster};
 use nalgebra::Point2;
 
 use super::{Cell, Flags, ReadPolicy, TILE, Tile};
+use crate::traversability::Span;
 use crate::{ElevationMap, MAX_NODES, Source, TerrainError};
 
 /// Lattice indices go from minus to plus this.
@@ -54,6 +55,24 @@ pub struct Observed {
     pub map: ElevationMap,
     /// How far each known cell is to be trusted, 0 to 1 (see [`MapVersion::elevation`]).
     pub trust: Raster<f32>,
+}
+
+impl Changes {
+    /// The changed tiles as spans of a grid that [`MapVersion::elevation`] gave, for
+    /// [`Layers::update`](crate::traversability::Layers::update). `None` if a changed tile lies outside:
+    /// then the map has grown, and its layers are made anew.
+    pub fn spans(&self, grid: &Grid) -> Option<Vec<Span>> {
+        let first = [grid.origin.x, grid.origin.y].map(|v| (v / grid.resolution).round() as i64);
+        let n = TILE as i64;
+        let along = |index: i32, first: i64, n_cells: usize| {
+            let start = usize::try_from(i64::from(index) * n - first).ok()?;
+            (start + TILE <= n_cells).then_some(start..start + TILE)
+        };
+        let span = |([x, y], _): &(TileIndex, usize)| {
+            Some(Span { xs: along(*x, first[0], grid.nx)?, ys: along(*y, first[1], grid.ny)? })
+        };
+        self.tiles.iter().map(span).collect()
+    }
 }
 
 impl MapVersion {
@@ -108,7 +127,9 @@ impl MapVersion {
 
     /// The height that a policy gives of a cell (m); NaN for nothing.
     pub fn read(cell: &Cell, policy: ReadPolicy) -> f32 {
-        let is_refused = (cell.flags.any(Flags::MASKED) && !policy.use_masked)
+        // What hides a place where a wheel stood does not change its height.
+        let is_masked = cell.flags.any(Flags::MASKED) && !cell.flags.any(Flags::CONTACT);
+        let is_refused = (is_masked && !policy.use_masked)
             || (cell.flags.any(Flags::CONFLICT) && !policy.use_conflicts)
             || (cell.flags.any(Flags::PRIOR) && !policy.use_prior);
         match &cell.rival {
@@ -121,7 +142,8 @@ impl MapVersion {
     /// The map for planners at a time on the on-board clock, over the tiles that hold anything.
     ///
     /// Trust in a cell is `min(1, observations / 4) exp(-age / tau_s)`; it enters the certainty of
-    /// traversability. A place where a wheel stood counts as seen often enough. Refused if it would
+    /// traversability. A place where a wheel stood counts as seen often enough. As age is part of it, layers
+    /// can be judged again for changed tiles only ([`Changes::spans`]) between maps of one time. Refused if it would
     /// have more than [`MAX_NODES`] nodes, or no tile.
     pub fn elevation(
         &self,
@@ -198,10 +220,19 @@ impl MapVersion {
         changes
     }
 
-    /// The tile, to be changed: copied first if another version shares it.
-    pub(super) fn tile_mut(&mut self, index: TileIndex) -> &mut Tile {
+    /// The tile, to be changed: copied first if another version shares it. A new one beyond `most` is
+    /// refused before memory is taken for it.
+    pub(super) fn tile_mut(
+        &mut self,
+        index: TileIndex,
+        most: usize,
+    ) -> Result<&mut Tile, TerrainError> {
+        if self.tiles.len() >= most && !self.tiles.contains_key(&index) {
+            let n_tiles = self.tiles.len() + 1;
+            return Err(TerrainError::TooManyTiles { n_tiles, tiles_max: most });
+        }
         self.id = OnceLock::new();
-        Arc::make_mut(self.tiles.entry(index).or_default())
+        Ok(Arc::make_mut(self.tiles.entry(index).or_default()))
     }
 }
 

@@ -210,6 +210,13 @@ fn a_wheel_sets_the_ground_that_it_stood_on() {
     }
     // Counted by hand on squared paper: 0 + 4 + 5 + 5 + 3 cells in the rows from y = -0.15 m on.
     assert_eq!(n_set, 17, "cells within 0.12 m");
+    // The wheel, in later pictures of the place, does not take the height away again.
+    let wheel = Arc::new(PairDem::new(0.05, [2, -1], 1, vec![hidden()]).unwrap());
+    let mut later = mapper;
+    later.push(pair(9, 60, wheel)).unwrap();
+    let cell = later.version().cell([2, -1]);
+    assert_eq!(cell.flags, Flags::CONTACT | Flags::ROBOT);
+    assert_eq!(MapVersion::read(&cell, ReadPolicy::default()), cell.height_m);
 }
 
 #[test]
@@ -362,6 +369,45 @@ fn changes_are_the_cells_that_differ_and_other_tiles_are_shared() {
         }
         assert_eq!(before.changes_since(&before).cells, 0);
     }
+}
+
+#[test]
+fn layers_judged_again_for_changed_tiles_are_those_of_the_new_version() {
+    let mut rng = ChaCha8Rng::seed_from_u64(14);
+    let floor = |source| {
+        let cells = vec![ground(0.0, 0.01); 700 * 300];
+        pair(source, 0, Arc::new(PairDem::new(0.05, [-500, -200], 700, cells).unwrap()))
+    };
+    let mut mapper = built(vec![floor(100)]);
+    let read = |version: &MapVersion| {
+        let policy = ReadPolicy::default();
+        version.elevation(policy, 60 * S, 1e4, Source::file("m")).unwrap()
+    };
+    let limits = Limits::default();
+    let observed = read(mapper.version());
+    let mut layers = trusted_traversability(&observed.map, &observed.trust, 0.75, &limits).unwrap();
+    let mut n_partial = 0;
+    for input in random_inputs(&mut rng, 8) {
+        let before = mapper.version().clone();
+        mapper.push(input).unwrap();
+        let observed = read(mapper.version());
+        let changes = mapper.version().changes_since(&before);
+        let anew = trusted_traversability(&observed.map, &observed.trust, 0.75, &limits).unwrap();
+        match changes.spans(observed.map.grid()) {
+            Some(spans) if layers.class.grid() == observed.map.grid() => {
+                let judged = layers.update(&observed.map, Some(&observed.trust), &spans).unwrap();
+                n_partial += usize::from(judged < observed.map.grid().len());
+            }
+            _ => layers = anew.clone(),
+        }
+        let bits = |layer: &geometry::Raster<f32>| -> Vec<u32> {
+            layer.values().iter().map(|v| v.to_bits()).collect()
+        };
+        assert_eq!(layers.class.values(), anew.class.values());
+        assert_eq!(bits(&layers.goodness), bits(&anew.goodness));
+        assert_eq!(bits(&layers.certainty), bits(&anew.certainty));
+    }
+    assert!(n_partial > 3, "{n_partial} of 8 inputs were judged in part");
 }
 
 #[test]

@@ -1,11 +1,13 @@
 //! PDS3 images and 16-bit PNG.
 
 use nalgebra::Point2;
-use rand::{Rng, RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use terrain::formats::{ByteSource, Crop, CropCenter, ReadOptions, pds3, png_heights, read_with};
 use terrain::{ElevationMap, TerrainError};
 use testkit::shared_data;
+
+use crate::damage::{damaged, rounds};
 
 /// 3 lines of 4 samples, heights 0.5 * (10 line + sample) + 100, the first of the last line missing.
 const LABEL: &str = "PDS_VERSION_ID = PDS3\r\n/* a comment = 1 */\r\nRECORD_TYPE = FIXED_LENGTH\r\n\
@@ -310,23 +312,11 @@ fn damaged_images_give_a_map_or_an_error() {
         "99999999999999999999",
     ];
     let options = ReadOptions { max_nodes: 10_000, ..ReadOptions::default() };
-    for round in 0..9000 {
+    for round in 0..rounds(9000) {
         let kind = round % 3;
-        let mut bytes = originals[kind].clone();
-        for _ in 0..rng.random_range(1..6) {
-            // Where damage matters: in the label.
-            let n = if kind == 0 { bytes.len().min(600) } else { bytes.len() };
-            let at = rng.random_range(0..n.max(1));
-            match rng.random_range(0..4) {
-                0 => bytes[at] = rng.next_u32() as u8,
-                1 => drop(bytes.remove(at)),
-                2 => bytes.truncate(at.max(20)),
-                _ => {
-                    let piece = pieces[rng.random_range(0..pieces.len())];
-                    drop(bytes.splice(at..at, piece.bytes()));
-                }
-            }
-        }
+        // Where damage matters: in the label.
+        let within = if kind == 0 { 600 } else { usize::MAX };
+        let bytes = damaged(&mut rng, &originals[kind], within, &pieces);
         drop(match kind {
             0 => read_with("a.img", &bytes, &mut |_| None, &options),
             1 => png_heights::read(&bytes, JSON.as_bytes(), &options),

@@ -2,12 +2,14 @@
 
 use geometry::{Grid, Raster};
 use nalgebra::{Point2, Point3};
-use rand::{Rng, RngExt, SeedableRng};
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use terrain::formats::mesh::{HeightMesh, write_obj};
 use terrain::formats::{ReadOptions, obj, ply, read_named};
 use terrain::synthetic::{Recipe, generate};
 use terrain::{ElevationMap, Source, TerrainError};
+
+use crate::damage::{damaged, rounds};
 
 const MAX: usize = 1_000_000;
 
@@ -272,21 +274,9 @@ fn damaged_meshes_and_clouds_give_an_answer_or_an_error() {
     ];
     let pieces =
         ["nan", "1e308", "-1", "18446744073709551615", "\n", " ", "list", "f 1 1 1\n", "v "];
-    for round in 0..8000 {
-        let original = &originals[round % originals.len()];
-        let mut bytes = original.clone();
-        for _ in 0..rng.random_range(1..6) {
-            let at = rng.random_range(0..bytes.len().max(1));
-            match rng.random_range(0..4) {
-                0 => bytes[at] = rng.next_u32() as u8,
-                1 => drop(bytes.remove(at)),
-                2 => bytes.truncate(at.max(20)),
-                _ => {
-                    let piece = pieces[rng.random_range(0..pieces.len())];
-                    drop(bytes.splice(at..at, piece.bytes()));
-                }
-            }
-        }
+    for round in 0..rounds(8000) {
+        let good = &originals[round % originals.len()];
+        let bytes = damaged(&mut rng, good, usize::MAX, &pieces);
         let options = ReadOptions { max_nodes: 10_000, ..ReadOptions::default() };
         drop(obj::read(&bytes, 10_000));
         drop(ply::read_points(&bytes, 10_000));
