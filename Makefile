@@ -68,6 +68,7 @@ soak: tools ## Run 10^5 generated requests, and the long forms of tests by brute
 	FOOTFALL_SOAK=$${FOOTFALL_SOAK:-100000} cargo test --release --locked -p motion -p server --test it soak
 	FOOTFALL_FULL=1 cargo test --release --locked -p collision --test it
 	FOOTFALL_FULL=1 cargo test --release --locked -p motion --test it -- final_check body_shift
+	FOOTFALL_FULL=1 cargo test --release --locked -p terrain --test it -- damaged
 
 format: tools web/node_modules/.package-lock.json ## Format all sources
 	cargo fmt --all

@@ -6,6 +6,7 @@ mod analyze;
 mod compare;
 mod files;
 mod run_server;
+mod terrain;
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -52,9 +53,9 @@ enum Command {
     Traversability(analyze::TraversabilityArgs),
     /// Run all planners over the same seeded scenes: success, time, length, clearance.
     Compare(compare::CompareArgs),
-    /// Synthetic ground.
+    /// Terrain files and synthetic ground.
     #[command(subcommand)]
-    Terrain(files::TerrainCommand),
+    Terrain(terrain::TerrainCommand),
     /// Flight logs.
     #[command(subcommand)]
     Log(files::LogCommand),
@@ -190,7 +191,7 @@ fn run(command: &Command, output: Output) -> Result<Verdict, Failure> {
         Command::Reachability(args) => analyze::reachability(args, output),
         Command::Traversability(args) => analyze::traversability(args, output),
         Command::Compare(args) => compare::compare(args, output),
-        Command::Terrain(command) => files::terrain(command, output),
+        Command::Terrain(command) => terrain::terrain(command, output),
         Command::Log(command) => files::log(command, output),
         Command::Openapi => output.text(&api::document_text()).map(|()| Verdict::Done),
     }

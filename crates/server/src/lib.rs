@@ -28,6 +28,7 @@ pub mod serve;
 mod staging;
 pub mod stop;
 pub mod stream;
+mod terrain_files;
 pub mod terrain_store;
 pub mod terrains;
 pub mod world;

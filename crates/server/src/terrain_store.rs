@@ -2,11 +2,13 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use geometry::Raster;
 use nalgebra::Point2;
+use terrain::formats::mesh::{self, HeightMesh};
 use terrain::traversability::{self, Layers, Limits};
 use terrain::{ElevationMap, SourceKind, TerrainError};
 use wire::check::{At, RequestError};
-use wire::resources::{CellAnswer, TerrainVersion, TerrainVersions};
+use wire::resources::{CellAnswer, CellComponent, TerrainVersion, TerrainVersions};
 use wire::tile::{Format, Header, TILE_CELLS};
 use wire::time::Timestamp;
 
@@ -110,6 +112,16 @@ fn judge(map: &ElevationMap, footprint_m: f64, limits: &Limits) -> Result<Layers
     traversability::traversability(map, footprint_m, limits)
 }
 
+/// Tiles along an axis of so many nodes.
+fn n_tiles(n_nodes: usize) -> usize {
+    n_nodes.saturating_sub(1).div_ceil(TILE_CELLS).max(1)
+}
+
+/// Zoom levels of a map with so many nodes along its longer side: the last is a single tile.
+fn n_zooms(n_nodes: usize) -> usize {
+    n_tiles(n_nodes).next_power_of_two().trailing_zeros() as usize + 1
+}
+
 /// A map's name: its content's hash.
 pub fn version_name(map: &ElevationMap) -> String {
     format!("{:016x}", map.version_hash())
@@ -124,7 +136,6 @@ impl Version {
             (low, high, n_known) = (low.min(*z), high.max(*z), n_known + 1);
         }
         let z_range_m = if n_known == 0 { [0.0; 2] } else { [low.into(), high.into()] };
-        let tiles = |n: usize| n.saturating_sub(1).div_ceil(TILE_CELLS).max(1);
         let layers = judge(&map, footprint_m, &limits);
         let info = TerrainVersion {
             version: version_name(&map),
@@ -137,7 +148,8 @@ impl Version {
             z_range_m,
             known_share: n_known as f64 / grid.len().max(1) as f64,
             frame_offset_m: map.frame_offset().into(),
-            tiles: [tiles(grid.nx), tiles(grid.ny)],
+            tiles: [n_tiles(grid.nx), n_tiles(grid.ny)],
+            zooms: n_zooms(grid.nx.max(grid.ny)),
             layers: if layers.is_ok() { &LAYERS[..] } else { &LAYERS[..1] }
                 .iter()
                 .map(|name| (*name).to_owned())
@@ -158,28 +170,42 @@ impl Version {
 
     /// A tile of a layer, as `wire::tile` says; `None` if there is no such layer or tile. Layers
     /// that were computed on a finer grid are given at the map's own nodes.
-    pub fn tile(&self, layer: &str, x: usize, y: usize) -> Result<Option<Vec<u8>>, RequestError> {
-        let [tiles_x, tiles_y] = self.info.tiles;
-        if x >= tiles_x || y >= tiles_y || !LAYERS.contains(&layer) {
+    ///
+    /// At zoom z the nodes are 2^z times as far apart. Heights there are those of the nodes that are
+    /// left, so that neighboring tiles share theirs; of the other layers a node has the worst of the
+    /// nodes that it stands for, unknown being worst of all: from afar nothing looks better than it is.
+    pub fn tile(
+        &self,
+        layer: &str,
+        zoom: usize,
+        x: usize,
+        y: usize,
+    ) -> Result<Option<Vec<u8>>, RequestError> {
+        if zoom >= self.info.zooms || !LAYERS.contains(&layer) {
             return Ok(None);
         }
-        let grid = self.map.grid();
+        let (grid, step) = (self.map.grid(), 1_usize << zoom);
+        let nodes = |n: usize| n.saturating_sub(1) / step + 1;
+        let (nx, ny) = (nodes(grid.nx), nodes(grid.ny));
+        if x >= n_tiles(nx) || y >= n_tiles(ny) {
+            return Ok(None);
+        }
         let span = |i: usize, n: usize| i * TILE_CELLS..((i + 1) * TILE_CELLS + 1).min(n);
-        let (columns, rows) = (span(x, grid.nx), span(y, grid.ny));
-        let origin = grid.position(columns.start, rows.start);
+        let (columns, rows) = (span(x, nx), span(y, ny));
+        let origin = grid.position(columns.start * step, rows.start * step);
         let is_class = layer == "class";
         let header = Header {
             format: if is_class { Format::U8 } else { Format::F32 },
             planes: 1,
             size: [columns.len() as u32, rows.len() as u32],
             origin_m: [origin.x, origin.y],
-            resolution_m: grid.resolution,
+            resolution_m: grid.resolution * step as f64,
             z_min_m: 0.0,
             z_scale_m: 0.0,
             time_ns: self.info.created.0,
         };
         let mut bytes = header.encode().to_vec();
-        let nodes = rows.flat_map(|iy| columns.clone().map(move |ix| (ix, iy)));
+        let nodes = rows.flat_map(|iy| columns.clone().map(move |ix| (ix * step, iy * step)));
         if layer == "height" {
             for (ix, iy) in nodes {
                 bytes.extend_from_slice(&self.map.heights().at(ix, iy).to_le_bytes());
@@ -187,22 +213,35 @@ impl Version {
             return Ok(Some(bytes));
         }
         let layers = self.layers()?;
+        // The nodes that a node of this zoom stands for, as far as the map goes.
+        let around = |i: usize, n: usize| i.saturating_sub(step / 2)..(i + step.div_ceil(2)).min(n);
+        let block = |(ix, iy): (usize, usize)| {
+            let ys = around(iy, grid.ny);
+            ys.flat_map(move |iy| around(ix, grid.nx).map(move |ix| grid.position(ix, iy)))
+        };
         if is_class {
-            bytes.extend(nodes.map(|(ix, iy)| {
-                layers.class.nearest(grid.position(ix, iy)).unwrap_or(traversability::UNKNOWN)
-            }));
+            let class = |p| layers.class.nearest(p).unwrap_or(traversability::UNKNOWN);
+            bytes.extend(
+                nodes.map(|node| block(node).map(class).min().unwrap_or(traversability::UNKNOWN)),
+            );
             return Ok(Some(bytes));
         }
-        let values = match layer {
-            "slope" => &layers.slope_rad,
-            "roughness" => &layers.roughness_m,
-            "step" => &layers.step_m,
-            "goodness" => &layers.goodness,
-            _ => &layers.certainty,
+        let (values, lower_is_worse) = match layer {
+            "slope" => (&layers.slope_rad, false),
+            "roughness" => (&layers.roughness_m, false),
+            "step" => (&layers.step_m, false),
+            "goodness" => (&layers.goodness, true),
+            _ => (&layers.certainty, true),
         };
-        for (ix, iy) in nodes {
-            let value = values.nearest(grid.position(ix, iy)).unwrap_or(f32::NAN);
-            bytes.extend_from_slice(&value.to_le_bytes());
+        let worse = |a: f32, b: f32| match a.is_nan() || b.is_nan() {
+            true => f32::NAN,
+            false if lower_is_worse => a.min(b),
+            false => a.max(b),
+        };
+        for node in nodes {
+            let value = |p| values.nearest(p).unwrap_or(f32::NAN);
+            let worst = block(node).map(value).reduce(worse).unwrap_or(f32::NAN);
+            bytes.extend_from_slice(&worst.to_le_bytes());
         }
         Ok(Some(bytes))
     }
@@ -223,15 +262,106 @@ impl Version {
             step_m: cell.as_ref().and_then(|c| c.step_m),
             goodness: cell.as_ref().and_then(|c| c.goodness),
             certainty: cell.as_ref().map(|c| c.certainty),
-            class: cell.map_or(traversability::UNKNOWN, |c| c.class),
+            class: cell.as_ref().map_or(traversability::UNKNOWN, |c| c.class),
+            known_share: cell.as_ref().map(|c| c.known_share),
+            components: cell.iter().flat_map(|c| c.components()).map(component).collect(),
         }
     }
 
-    /// The heights and, where they lie on the same grid, the layers of traversability, as GeoTIFF.
-    pub fn geotiff(&self) -> Result<Vec<u8>, RequestError> {
-        let heights = self.map.heights();
-        terrain::formats::geotiff::write_layers(self.map.grid(), &[("height_m", heights)])
-            .map_err(|error| terrain_error(&At::root("version"), &error))
+    /// The map as a file: GeoTIFF of the heights and, where they lie on the same grid, the layers of
+    /// traversability; or its surface as OBJ or PLY, whole or within `error_m` (m) of it.
+    pub fn export(&self, format: ExportFormat, error_m: f64) -> Result<Vec<u8>, RequestError> {
+        let layers = self.layers.as_ref().ok();
+        export(&self.map, layers, format, error_m)
+    }
+}
+
+/// A way to write a map.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Deserialize, utoipa::ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum ExportFormat {
+    /// GeoTIFF of heights and layers.
+    #[default]
+    Tif,
+    /// Wavefront OBJ of the surface.
+    Obj,
+    /// Binary PLY of the surface.
+    Ply,
+}
+
+impl ExportFormat {
+    /// The format of a file by the end of its name.
+    pub fn of_name(name: &str) -> Option<ExportFormat> {
+        match name.rsplit_once('.')?.1.to_ascii_lowercase().as_str() {
+            "tif" | "tiff" => Some(ExportFormat::Tif),
+            "obj" => Some(ExportFormat::Obj),
+            "ply" => Some(ExportFormat::Ply),
+            _ => None,
+        }
+    }
+
+    /// End of the name and media type of such a file.
+    pub fn names(self) -> (&'static str, &'static str) {
+        match self {
+            ExportFormat::Tif => ("tif", "image/tiff"),
+            ExportFormat::Obj => ("obj", "model/obj"),
+            ExportFormat::Ply => ("ply", "application/octet-stream"),
+        }
+    }
+}
+
+/// A map as a file, with the layers of traversability in a GeoTIFF where they lie on its grid.
+pub fn export(
+    map: &ElevationMap,
+    layers: Option<&Layers>,
+    format: ExportFormat,
+    error_m: f64,
+) -> Result<Vec<u8>, RequestError> {
+    let refuse = |field, error: TerrainError| terrain_error(&At::root(field), &error);
+    if format == ExportFormat::Tif {
+        let layers = layers.filter(|layers| layers.class.grid() == map.grid());
+        let class = layers.map(|layers| {
+            let class = layers.class.values().iter().map(|class| f32::from(*class));
+            Raster::new(*map.grid(), class.collect()).expect("one class per node")
+        });
+        let mut bands = vec![("height_m", map.heights())];
+        if let (Some(layers), Some(class)) = (layers, &class) {
+            bands.extend([
+                ("slope_rad", &layers.slope_rad),
+                ("roughness_m", &layers.roughness_m),
+                ("step_m", &layers.step_m),
+                ("goodness", &layers.goodness),
+                ("certainty", &layers.certainty),
+                ("class", class),
+            ]);
+        }
+        return terrain::formats::geotiff::write_layers(map.grid(), &bands)
+            .map_err(|error| refuse("version", error));
+    }
+    let mesh = if error_m > 0.0 {
+        HeightMesh::simplified(map, error_m).map_err(|error| refuse("error_m", error))?
+    } else {
+        HeightMesh::whole(map)
+    };
+    let comments = [
+        format!("FootFall map {}: {}", version_name(map), source_text(map)),
+        mesh::frame_text(map.grid(), map.frame_offset()),
+        format!("nowhere farther than {error_m} m above or below the surface of the map"),
+    ];
+    Ok(match format {
+        ExportFormat::Obj => mesh::write_obj(&mesh, &comments),
+        _ => terrain::formats::ply::write(&mesh, &comments),
+    })
+}
+
+fn component(c: traversability::Component) -> CellComponent {
+    CellComponent {
+        name: c.name.into(),
+        value: c.value,
+        lo: c.lo,
+        hi: c.hi,
+        goodness: c.goodness,
+        reason: c.reason.into(),
     }
 }
 
@@ -268,17 +398,69 @@ mod tests {
     fn neighboring_tiles_share_a_node_and_the_last_one_is_shorter() {
         let version = store(300, 257).current();
         assert_eq!(version.info.tiles, [2, 1]);
-        let (first, second) = (version.tile("height", 0, 0), version.tile("height", 1, 0));
+        let (first, second) = (version.tile("height", 0, 0, 0), version.tile("height", 0, 1, 0));
         let (first, second) = (first.unwrap().unwrap(), second.unwrap().unwrap());
         assert_eq!(first.len(), HEADER_LEN + 4 * 257 * 257);
         assert_eq!(second.len(), HEADER_LEN + 4 * 44 * 257);
         let shared = HEADER_LEN + 4 * 256;
         assert_eq!(first[shared..shared + 4], 256.0_f32.to_le_bytes());
         assert_eq!(second[HEADER_LEN..HEADER_LEN + 4], 256.0_f32.to_le_bytes());
-        assert_eq!(version.tile("height", 2, 0).unwrap(), None);
-        assert_eq!(version.tile("hight", 0, 0).unwrap(), None);
-        let classes = version.tile("class", 0, 0).unwrap().unwrap();
+        assert_eq!(version.tile("height", 0, 2, 0).unwrap(), None);
+        assert_eq!(version.tile("hight", 0, 0, 0).unwrap(), None);
+        let classes = version.tile("class", 0, 0, 0).unwrap().unwrap();
         assert_eq!(classes.len(), HEADER_LEN + 257 * 257);
+    }
+
+    /// Value `i` of an f32 tile.
+    fn value(tile: &[u8], i: usize) -> f32 {
+        let at = HEADER_LEN + 4 * i;
+        f32::from_le_bytes(tile[at..at + 4].try_into().unwrap())
+    }
+
+    #[test]
+    fn coarser_zooms_keep_every_second_height_and_the_worst_of_all_else() {
+        let grid = Grid { origin: Point2::new(-1.0, -2.0), resolution: 0.1, nx: 700, ny: 300 };
+        // A step at one node of the level ground, and a hole.
+        let heights = Raster::from_fn(grid, |ix, iy| match (ix, iy) {
+            (201, 101) => 0.5,
+            (401..420, 101..120) => f32::NAN,
+            _ => 0.0,
+        });
+        let map = ElevationMap::new(heights, Source::plane());
+        let store = TerrainStore::new(map, Timestamp(5), 0.9, Limits::default(), 2);
+        let version = store.current();
+        assert_eq!((version.info.tiles, version.info.zooms), ([3, 2], 3));
+        for zoom in 0..3 {
+            let step = 1 << zoom;
+            let (nx, ny) = (699 / step + 1, 299 / step + 1);
+            let tiles = |n: usize| (n - 1_usize).div_ceil(256);
+            assert!(version.tile("class", zoom, tiles(nx), 0).unwrap().is_none());
+            for (tx, ty) in (0..tiles(nx)).flat_map(|x| (0..tiles(ny)).map(move |y| (x, y))) {
+                let of = |layer| version.tile(layer, zoom, tx, ty).unwrap().unwrap();
+                let (height, class, slope) = (of("height"), of("class"), of("slope"));
+                let size = |at: usize| u32::from_le_bytes(class[at..at + 4].try_into().unwrap());
+                let (w, h) = (size(8) as usize, size(12) as usize);
+                assert_eq!((w, h), (257.min(nx - 256 * tx), 257.min(ny - 256 * ty)));
+                for i in (0..w * h).step_by(13) {
+                    let (ix, iy) = ((256 * tx + i % w) * step, (256 * ty + i / w) * step);
+                    let z = *version.map.heights().at(ix, iy);
+                    assert!(value(&height, i) == z || (value(&height, i).is_nan() && z.is_nan()));
+                    let half = step / 2;
+                    let near =
+                        |i: usize, n: usize| i.saturating_sub(half)..(i + half.max(1)).min(n);
+                    let layers = version.layers().unwrap();
+                    let cells = || near(iy, 300).flat_map(|y| near(ix, 700).map(move |x| (x, y)));
+                    let worst = cells().map(|(x, y)| *layers.class.at(x, y)).min().unwrap();
+                    assert_eq!(class[HEADER_LEN + i], worst, "zoom {zoom}, node {ix}, {iy}");
+                    let steepest = cells().map(|(x, y)| *layers.slope_rad.at(x, y));
+                    let steepest = steepest.fold(0.0, |a: f32, b| {
+                        if a.is_nan() || b.is_nan() { f32::NAN } else { a.max(b) }
+                    });
+                    let found = value(&slope, i);
+                    assert!(found == steepest || (found.is_nan() && steepest.is_nan()));
+                }
+            }
+        }
     }
 
     #[test]

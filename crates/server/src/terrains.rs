@@ -1,6 +1,5 @@
 //! The grounds that requests name: files, recipes, the plane, versions of the server's own map.
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -12,9 +11,10 @@ use wire::check::{self, At, RequestError};
 use wire::resources::ImportCrop;
 use wire::scene::{Recipe as WireRecipe, Terrain};
 
+use crate::terrain_files;
 use crate::terrain_store::TerrainStore;
 
-/// Largest terrain file that is read (bytes).
+/// Largest terrain file that is read as a whole (bytes).
 pub const FILE_BYTES_MAX: u64 = 256 << 20;
 /// Most nodes of a file that the server reads; larger ones are to be cropped.
 pub const SERVED_NODES_MAX: usize = 16_000_000;
@@ -89,14 +89,15 @@ impl Terrains {
         }
     }
 
-    /// A file's map, or the part that `crop` says.
+    /// A file's map, or the part that `crop` says. Of GeoTIFF and PDS3 only that part is read, however
+    /// large the file.
     pub fn import(
         &self,
         at: &At<'_>,
         file: &str,
         crop: Option<&ImportCrop>,
+        cell_m: Option<f64>,
     ) -> Result<ElevationMap, RequestError> {
-        let bytes = read_bounded(at, &self.path(at, file)?)?;
         let crop = crop.map(|crop| Crop {
             center: match crop.center_m {
                 Some([x, y]) => CropCenter::Meters(Point2::new(x, y)),
@@ -108,15 +109,22 @@ impl Terrains {
             FileRoot::Folder(_) => SERVED_NODES_MAX,
             FileRoot::Relative(_) => terrain::MAX_NODES,
         };
-        let options = ReadOptions { crop, max_nodes };
-        terrain::formats::read_named(&short_name(file), &bytes, &options)
-            .map_err(|error| terrain_error(at, &error))
+        let options = ReadOptions { crop, max_nodes, cell_m };
+        let path = self.path(at, file)?;
+        let beside = |name: &str| {
+            // What a label points to is beside it, whatever it says.
+            let folder = file.rsplit_once('/').map_or("", |(folder, _)| folder);
+            let name = short_name(name);
+            let name = if folder.is_empty() { name } else { format!("{folder}/{name}") };
+            self.path(at, &name).ok()
+        };
+        terrain_files::read(at, &short_name(file), &path, beside, &options)
     }
 
     fn file(&self, at: &At<'_>, file: &str) -> Result<ElevationMap, RequestError> {
         let path = self.path(at, file)?;
         let stamp = std::fs::metadata(&path).ok().map(|m| (m.len(), m.modified().ok()));
-        self.cached(&format!("{} {stamp:?}", path.display()), || self.import(at, file, None))
+        self.cached(&format!("{} {stamp:?}", path.display()), || self.import(at, file, None, None))
     }
 
     fn version(&self, at: &At<'_>, version: &str) -> Result<ElevationMap, RequestError> {
@@ -206,21 +214,6 @@ pub fn terrain_error(at: &At<'_>, error: &TerrainError) -> RequestError {
         _ => "terrain_file_invalid",
     };
     RequestError::at(code, at, format_args!("was refused: {error}"))
-}
-
-fn read_bounded(at: &At<'_>, path: &Path) -> Result<Vec<u8>, RequestError> {
-    let mut bytes = Vec::new();
-    let read = std::fs::File::open(path)
-        .and_then(|file| file.take(FILE_BYTES_MAX + 1).read_to_end(&mut bytes));
-    if let Err(error) = read {
-        let text = format_args!("cannot be read: {error}");
-        return Err(RequestError::at("terrain_file_invalid", at, text));
-    }
-    if bytes.len() as u64 > FILE_BYTES_MAX {
-        let text = format_args!("has more than {FILE_BYTES_MAX} bytes; crop it");
-        return Err(RequestError::at("too_many", at, text));
-    }
-    Ok(bytes)
 }
 
 /// The last part of a path: what a map is called after.

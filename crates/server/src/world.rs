@@ -29,6 +29,7 @@ pub fn first_import(config: &Config) -> ImportRequest {
             center_m: (*crop_x_m >= 0.0 && *crop_y_m >= 0.0).then_some([*crop_x_m, *crop_y_m]),
             width_m: *crop_width_m,
         }),
+        cell_m: None,
         detail_resolution_m: (from_file && *detail_resolution_m > 0.0)
             .then_some(*detail_resolution_m),
         place_m: None,
@@ -78,6 +79,12 @@ pub fn check_import(request: &ImportRequest) -> Result<(), RequestError> {
             check::within(&at.index(i), *value, [0.0, 1e8], " m")?;
         }
     }
+    if let Some(cell) = request.cell_m {
+        if request.file.is_none() {
+            return refuse("cell_m", "goes with a file only");
+        }
+        check::within(&At::root("cell_m"), cell, [0.005, 1e4], " m")?;
+    }
     if let Some(resolution) = request.detail_resolution_m {
         check::within(&At::root("detail_resolution_m"), resolution, [0.005, 10.0], " m")?;
     }
@@ -102,7 +109,7 @@ pub fn import_map(
     let Some(file) = &request.file else {
         return synthetic::generate(&recipe, request.seed).map_err(|e| terrain_error(&at, &e));
     };
-    let map = terrains.import(&At::root("file"), file, request.crop.as_ref())?;
+    let map = terrains.import(&At::root("file"), file, request.crop.as_ref(), request.cell_m)?;
     match request.detail_resolution_m {
         Some(resolution) => synthetic::add_detail(&map, &recipe, request.seed, resolution)
             .map_err(|error| terrain_error(&At::root("detail_resolution_m"), &error)),

@@ -7,7 +7,7 @@ use geometry::{Grid, Raster};
 use nalgebra::Point2;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use terrain::traversability::{Limits, explain_cell, traversability};
+use terrain::traversability::{Limits, Span, explain_cell, traversability, trusted_traversability};
 use terrain::{ElevationMap, Source};
 
 const CELL: f64 = 0.05;
@@ -37,6 +37,17 @@ fn layers(c: &mut Criterion) {
             b.iter(|| traversability(black_box(&map), FOOTPRINT, &limits));
         });
     }
+    let whole = map(1024, 0.02);
+    let trust = Raster::from_fn(*whole.grid(), |ix, _| 1.0 / (1.0 + ix as f32));
+    group.bench_function("1024 x 1024, 2 % holes, trusted", |b| {
+        b.iter(|| trusted_traversability(black_box(&whole), &trust, FOOTPRINT, &limits));
+    });
+    let mut layers = traversability(&whole, FOOTPRINT, &limits).expect("a usable footprint");
+    let tile = [Span { xs: 256..512, ys: 256..512 }];
+    group.throughput(Throughput::Elements(256 * 256));
+    group.bench_function("a changed tile, 256 x 256 of 1024 x 1024", |b| {
+        b.iter(|| layers.update(black_box(&whole), None, &tile));
+    });
     let small = map(64, 0.02);
     group.throughput(Throughput::Elements(64 * 64));
     group.bench_function("brute force, 64 x 64, 2 % holes", |b| {

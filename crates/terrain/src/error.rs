@@ -14,6 +14,62 @@ pub enum TerrainError {
         /// What the field takes.
         expected: &'static str,
     },
+    /// A layer that does not lie on the map's nodes.
+    #[error(
+        "{what} lies on a grid of {}x{} nodes, the map on one of {}x{}, or elsewhere: \
+         give it on the map's own grid",
+        found[0], found[1], expected[0], expected[1]
+    )]
+    OtherGrid {
+        /// The layer.
+        what: &'static str,
+        /// Its nodes along x and y.
+        found: [usize; 2],
+        /// Those of the map.
+        expected: [usize; 2],
+    },
+    /// A point whose position or variance is unusable.
+    #[error("points[{index}].{field} is {value}: give a value from {low} to {high}")]
+    Point {
+        /// Which point.
+        index: usize,
+        /// The field.
+        field: &'static str,
+        /// What was given.
+        value: f64,
+        /// Least value.
+        low: f64,
+        /// Largest value.
+        high: f64,
+    },
+    /// An input that would make the map larger than allowed.
+    #[error(
+        "the map would have {n_tiles} tiles, more than the {tiles_max} allowed: crop the input"
+    )]
+    TooManyTiles {
+        /// Tiles it would have.
+        n_tiles: usize,
+        /// Tiles allowed.
+        tiles_max: usize,
+    },
+    /// An input on a lattice of another resolution.
+    #[error("the input has cells of {found_m} m, the map of {expected_m} m: rasterize it anew")]
+    OtherResolution {
+        /// Its resolution (m).
+        found_m: f64,
+        /// The map's (m).
+        expected_m: f64,
+    },
+    /// A pair that is already in the map, or is not.
+    #[error("source {source_id} is {state} the map: {mend}")]
+    MapSource {
+        /// Its number.
+        source_id: u32,
+        /// `already in` or `not in`.
+        state: &'static str,
+        /// What to do instead.
+        mend: &'static str,
+    },
     /// A map with more nodes than allowed, refused before any memory is taken.
     #[error(
         "the map would have {n_nodes} nodes, more than the {max_nodes} allowed: \
@@ -60,7 +116,9 @@ pub enum TerrainError {
         z_m: f64,
     },
     /// A file whose name ends in nothing we read.
-    #[error("terrain file {file_name:?} has no supported extension: use .tif, .tiff or .off")]
+    #[error(
+        "terrain file {file_name:?} has no supported extension: use .tif, .img, .lbl, .off, .obj, .ply or .png"
+    )]
     UnknownFormat {
         /// The file's name as given.
         file_name: String,
@@ -104,8 +162,8 @@ pub enum TerrainError {
         found: u64,
     },
     /// Text where a number belongs.
-    #[error("off line {line}: {found:?} is not {expected}")]
-    OffNumber {
+    #[error("mesh line {line}: {found:?} is not {expected}")]
+    MeshNumber {
         /// Line number, from 1.
         line: usize,
         /// The text there.
@@ -114,24 +172,24 @@ pub enum TerrainError {
         expected: &'static str,
     },
     /// A vertex that is NaN or infinite.
-    #[error("off line {line}: a coordinate is {value}: leave out unknown vertices' faces instead")]
-    OffNotFinite {
+    #[error("mesh line {line}: a coordinate is {value}: leave out unknown vertices' faces instead")]
+    MeshNotFinite {
         /// Line number, from 1.
         line: usize,
         /// The value.
         value: f64,
     },
     /// A face with a number of corners we do not read.
-    #[error("off line {line}: a face has {n_corners} corners: use triangles or quadrilaterals")]
-    OffFaceCorners {
+    #[error("mesh line {line}: a face has {n_corners} corners: use triangles or quadrilaterals")]
+    MeshFaceCorners {
         /// Line number, from 1.
         line: usize,
         /// Number of corners.
         n_corners: u64,
     },
     /// A face that uses a vertex that is not there.
-    #[error("off line {line}: vertex index {index} is out of range (0..{n_vertices})")]
-    OffIndex {
+    #[error("mesh line {line}: vertex index {index} is out of range (0..{n_vertices})")]
+    MeshIndex {
         /// Line number, from 1.
         line: usize,
         /// The index.
@@ -140,21 +198,60 @@ pub enum TerrainError {
         n_vertices: usize,
     },
     /// A mesh whose vertices are not the nodes of a regular square grid, in rows or in columns.
-    #[error("off mesh is not a height field on a regular square grid: {reason}")]
-    OffNotAGrid {
+    #[error("mesh is not a height field on a regular square grid: {reason}")]
+    MeshNotAGrid {
         /// What is wrong, with the vertex or count.
         reason: String,
     },
     /// A square of the grid that no face covers although its four corners are known.
     #[error(
-        "off mesh has a hole at square ({ix}, {iy}) between four known vertices, which an \
+        "mesh has a hole at square ({ix}, {iy}) between four known vertices, which an \
          elevation map cannot hold: fill it, or drop all faces at one of its corners"
     )]
-    OffHole {
+    MeshHole {
         /// Column of the square.
         ix: usize,
         /// Row of the square.
         iy: usize,
+    },
+
+    /// A PDS3 label that cannot be read, or says what is not read.
+    #[error("pds3 label: {key} {reason}")]
+    Pds3Label {
+        /// The keyword.
+        key: String,
+        /// What is wrong, and what to do.
+        reason: String,
+    },
+    /// A PDS3 image that ends before its last line.
+    #[error("pds3 image ends at byte {n_bytes}, its label asks for {needed}: it is truncated")]
+    Pds3Truncated {
+        /// Length of the file (bytes).
+        n_bytes: u64,
+        /// As much as the label asks for (bytes).
+        needed: u64,
+    },
+    /// A PNG that cannot be read as heights.
+    #[error("png heights: {reason}")]
+    Png {
+        /// What is wrong, and what to do.
+        reason: String,
+    },
+    /// A PLY file that cannot be read as points.
+    #[error("ply {place}: {reason}")]
+    Ply {
+        /// Header line or element.
+        place: String,
+        /// What is wrong, and what to do.
+        reason: String,
+    },
+    /// A file that goes with another one is not there.
+    #[error("{file_name:?} needs {companion:?} beside it: give both files")]
+    CompanionMissing {
+        /// The file that was given.
+        file_name: String,
+        /// The file that is missing.
+        companion: String,
     },
 
     /// A file that the TIFF decoder refuses: truncated, damaged, or with a compression unknown to it.

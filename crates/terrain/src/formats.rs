@@ -1,12 +1,20 @@
 //! Terrain files: bytes in, maps out, and back.
 
+mod cog;
 pub mod geotiff;
 mod geotiff_write;
+mod height_field;
+pub mod mesh;
+pub mod obj;
 pub mod off;
+pub mod pds3;
+pub mod ply;
+pub mod png_heights;
 
 use geometry::{Grid, Raster};
 use nalgebra::{Point2, Vector3};
 
+use crate::fusion::{Measurement, RasterizeOptions, Tag, rasterize};
 use crate::{ElevationMap, MAX_NODES, Source, TerrainError};
 
 /// Horizontal coordinates beyond this (m) are moved to a local frame.
@@ -23,11 +31,43 @@ pub struct ReadOptions {
     pub crop: Option<Crop>,
     /// A file with more nodes (after the crop) is refused before memory is taken for them.
     pub max_nodes: usize,
+    /// Distance of the nodes (m) where the file does not tell: of points, and of a PDS3 image without a
+    /// map scale. [`POINT_CELL_M`] for points if `None`.
+    pub cell_m: Option<f64>,
 }
 
 impl Default for ReadOptions {
     fn default() -> ReadOptions {
-        ReadOptions { crop: None, max_nodes: MAX_NODES }
+        ReadOptions { crop: None, max_nodes: MAX_NODES, cell_m: None }
+    }
+}
+
+/// Distance of the nodes of a map made of points, where none is given (m).
+pub const POINT_CELL_M: f64 = 0.05;
+/// Standard deviation of the points of a file that does not tell (m).
+const POINT_SIGMA_M: f64 = 0.01;
+
+/// A file that is read piece by piece, so that a window of a large one fits the memory.
+pub trait ByteSource {
+    /// Its length (bytes).
+    fn len(&self) -> u64;
+    /// True if it holds nothing.
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+    /// `n` bytes from `offset` on, or why they cannot be had.
+    fn read_at(&mut self, offset: u64, n: usize) -> Result<Vec<u8>, String>;
+}
+
+impl ByteSource for &[u8] {
+    fn len(&self) -> u64 {
+        <[u8]>::len(self) as u64
+    }
+
+    fn read_at(&mut self, offset: u64, n: usize) -> Result<Vec<u8>, String> {
+        let start = usize::try_from(offset).ok().filter(|start| *start <= <[u8]>::len(self));
+        let bytes = start.and_then(|start| self[start..].get(..n));
+        bytes.map(<[u8]>::to_vec).ok_or_else(|| "ends too early".to_owned())
     }
 }
 
@@ -62,29 +102,84 @@ impl Crop {
     }
 }
 
-/// Reads a terrain file by the extension of its name: `.tif`, `.tiff` or `.off`.
+/// Ends of the names of terrain files.
+pub const EXTENSIONS: [&str; 8] = ["tif", "tiff", "img", "lbl", "off", "obj", "ply", "png"];
+
+/// As [`read_with`], of a file that needs none beside it.
 pub fn read_named(
     file_name: &str,
     bytes: &[u8],
     options: &ReadOptions,
 ) -> Result<ElevationMap, TerrainError> {
-    let extension = file_name.rsplit_once('.').map(|(_, end)| end.to_ascii_lowercase());
-    let map = match extension.as_deref() {
-        Some("tif" | "tiff") => geotiff::read(bytes, options)?,
-        Some("off") => {
-            let whole = off::read(bytes, options.max_nodes)?;
-            match options.crop {
-                Some(crop) => {
-                    let grid = whole.grid();
-                    let from_corner = crop.center_from_corner(grid.nx, grid.ny, grid.resolution);
-                    whole.cropped(grid.origin + from_corner.coords, crop.width_m)?
+    read_with(file_name, bytes, &mut |_| None, options)
+}
+
+/// Reads a terrain file by the extension of its name, one of [`EXTENSIONS`]. `beside` gives the bytes
+/// of a file in the same folder: the JSON of a PNG, the image of a detached PDS3 label.
+pub fn read_with(
+    file_name: &str,
+    bytes: &[u8],
+    beside: &mut dyn FnMut(&str) -> Option<Vec<u8>>,
+    options: &ReadOptions,
+) -> Result<ElevationMap, TerrainError> {
+    let missing = |companion: &str| TerrainError::CompanionMissing {
+        file_name: file_name.to_owned(),
+        companion: companion.chars().take(80).collect(),
+    };
+    let (stem, extension) = file_name.rsplit_once('.').unwrap_or((file_name, ""));
+    let map = match extension.to_ascii_lowercase().as_str() {
+        "tif" | "tiff" => geotiff::read(bytes, options)?,
+        "off" => cropped(off::read(bytes, options.max_nodes)?, options)?,
+        "obj" => cropped(obj::read(bytes, options.max_nodes)?, options)?,
+        "png" => {
+            let companion = format!("{stem}.json");
+            let json = beside(&companion).ok_or_else(|| missing(&companion))?;
+            png_heights::read(bytes, &json, options)?
+        }
+        "img" | "lbl" => {
+            let image = pds3::read_label(&mut { bytes })?;
+            match &image.file {
+                Some(name) if !file_name.eq_ignore_ascii_case(name) => {
+                    let samples = beside(name).ok_or_else(|| missing(name))?;
+                    pds3::read(&image, &mut samples.as_slice(), options)?
                 }
-                None => whole,
+                _ => pds3::read(&image, &mut { bytes }, options)?,
             }
         }
+        "ply" => cropped(of_points(bytes, options)?, options)?,
         _ => return Err(TerrainError::UnknownFormat { file_name: file_name.to_owned() }),
     };
     Ok(map.with_source(Source::file(file_name)))
+}
+
+/// The part of a map that the options ask for.
+fn cropped(whole: ElevationMap, options: &ReadOptions) -> Result<ElevationMap, TerrainError> {
+    let Some(crop) = options.crop else { return Ok(whole) };
+    let grid = whole.grid();
+    let from_corner = crop.center_from_corner(grid.nx, grid.ny, grid.resolution);
+    whole.cropped(grid.origin + from_corner.coords, crop.width_m)
+}
+
+/// The map of a point cloud.
+fn of_points(bytes: &[u8], options: &ReadOptions) -> Result<ElevationMap, TerrainError> {
+    let points = ply::read_points(bytes, 4 * options.max_nodes)?;
+    let center = points.iter().fold(Vector3::zeros(), |sum, p| sum + p.coords);
+    let center = center / points.len().max(1) as f64;
+    // Far points are rasterized about their middle, so that no digits are lost.
+    let is_far = center.xy().amax() > FAR_XY_M || center.z.abs() > FAR_Z_M;
+    let offset = if is_far { center } else { Vector3::zeros() };
+    let measurement = |p: &nalgebra::Point3<f64>| Measurement {
+        position_m: p - offset,
+        height_variance_m2: POINT_SIGMA_M * POINT_SIGMA_M,
+        footprint_m: 0.0,
+        tag: Tag::Terrain,
+    };
+    let points: Vec<_> = points.iter().map(measurement).collect();
+    let resolution_m = options.cell_m.unwrap_or(POINT_CELL_M);
+    let rasterize_options = RasterizeOptions { resolution_m, ..RasterizeOptions::default() };
+    let heights = rasterize(&points, &rasterize_options)?.dem.heights();
+    TerrainError::check_nodes(heights.grid().len() as f64, options.max_nodes)?;
+    Ok(ElevationMap::new(heights, Source::file("points.ply")).with_frame_offset(offset))
 }
 
 /// The map of a file's heights (m, NaN = unknown, row-major), in a local frame if they are far

@@ -6,12 +6,14 @@
 //! - [`ElevationMap`]: an immutable map, cheap to clone, with where it came from;
 //! - [`traversability`]: where a foot of a given size can stand, after Morphin;
 //! - [`formats`]: GeoTIFF and OFF meshes, bytes in and bytes out;
+//! - [`fusion`]: the map over time: camera pairs aligned, blended, remembered;
 //! - [`synthetic`]: fractal ground with rocks and craters, from a recipe and a seed.
 //!
 //! No I/O, no clock; the only random numbers are ChaCha streams of a given seed.
 
 mod error;
 pub mod formats;
+pub mod fusion;
 mod map;
 mod plane;
 pub mod synthetic;

@@ -3,8 +3,11 @@
 //! Around each cell the known cells of a square window as wide as the foot are judged: the slope
 //! of their least-squares plane, its orthogonal RMS residual (roughness), and the largest height
 //! difference in any 3 x 3 cells less what the plane itself explains (step). Each is mapped to
-//! \[0, 1\] by a ramp; the worst of the three is the cell's *goodness*. *Certainty*, the known share
-//! of the window, is apart from it: an imported map has one observation per cell and no age.
+//! \[0, 1\] by a ramp; the worst of the three is the cell's *goodness*. *Certainty* is apart from it:
+//! the sum of the trust in the known cells of the window, over the number of its cells. Trust, 0 to 1,
+//! comes from number and age of observations ([`crate::fusion::MapVersion::elevation`]); an imported
+//! map has full trust everywhere, so that its certainty is the known share. As a sum, certainty never
+//! rises where cells are lost.
 //!
 //! A cell is *unknown* if too little of its window is known, also in any one quadrant: the foot of
 //! a cliff hides behind its edge. Cells outside the map count as unknown.
@@ -20,8 +23,9 @@ use geometry::{Grid, Raster};
 
 use crate::{ElevationMap, TerrainError};
 
-pub use explain::{CellExplanation, explain_cell};
-pub use limits::Limits;
+pub use block::Span;
+pub use explain::{CellExplanation, Component, explain_cell, explain_trusted_cell};
+pub use limits::{Limits, RAMP_REASONS};
 
 /// Class of a cell that is not known well enough.
 pub const UNKNOWN: u8 = 0;
@@ -48,7 +52,7 @@ pub struct Layers {
     pub step_m: Raster<f32>,
     /// Worst of the three ramps, 0 to 1; NaN where the class is unknown.
     pub goodness: Raster<f32>,
-    /// Known share of the window, 0 to 1.
+    /// Trust in the window's known cells over the number of its cells, 0 to 1.
     pub certainty: Raster<f32>,
     /// [`UNKNOWN`], [`UNSAFE`], [`CAUTION`] or [`SAFE`].
     pub class: Raster<u8>,
@@ -61,24 +65,97 @@ pub struct Layers {
     /// Distance of the map's own cells (m). Larger than `resolution_m` if they were coarser than
     /// the footprint / 9 and so the map was resampled.
     pub source_resolution_m: f64,
+    limits: Limits,
+    has_trust: bool,
+    /// Height from which each block's sums count (m).
+    references: Vec<f32>,
 }
 
-/// Judges every cell of the map for a foot as wide as `footprint_m` (m).
+impl Layers {
+    /// The thresholds that were used.
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+
+    /// Judges again what has to do with the changed cells of the map, and only that: afterwards the
+    /// layers are those of the map as it is now, to the bit. Gives the number of cells judged.
+    ///
+    /// `map` and `trust` are to differ from those that were judged in the cells of `changed` only.
+    /// Where the grid is another one, or the map is resampled, everything is judged anew.
+    pub fn update(
+        &mut self,
+        map: &ElevationMap,
+        trust: Option<&Raster<f32>>,
+        changed: &[Span],
+    ) -> Result<usize, TerrainError> {
+        let is_resampled = self.resolution_m != self.source_resolution_m;
+        let is_same = self.class.grid() == map.grid() && self.has_trust == trust.is_some();
+        if is_resampled || !is_same {
+            *self = judge(map, trust, self.footprint_m, &self.limits)?;
+            return Ok(self.class.grid().len());
+        }
+        check_trust(map.grid(), trust)?;
+        let (limits, window) = (self.limits, self.window);
+        let ground = block::Ground { heights: map.heights(), trust };
+        Ok(block::fill(&ground, window, &limits, self, Some(changed)))
+    }
+
+    /// Makes cells unknown.
+    fn forget(&mut self, span: &Span) {
+        let grid = *self.class.grid();
+        for iy in span.ys.clone() {
+            let row = grid.index(span.xs.start, iy)..grid.index(span.xs.end, iy);
+            for layer in
+                [&mut self.slope_rad, &mut self.roughness_m, &mut self.step_m, &mut self.goodness]
+            {
+                layer.values_mut()[row.clone()].fill(f32::NAN);
+            }
+            self.certainty.values_mut()[row.clone()].fill(0.0);
+            self.class.values_mut()[row].fill(UNKNOWN);
+        }
+    }
+}
+
+/// Judges every cell of the map for a foot as wide as `footprint_m` (m), with full trust in what is
+/// known.
 pub fn traversability(
     map: &ElevationMap,
     footprint_m: f64,
     limits: &Limits,
 ) -> Result<Layers, TerrainError> {
+    judge(map, None, footprint_m, limits)
+}
+
+/// As [`traversability`], with trust in each cell of the map, 0 to 1, on the map's grid.
+pub fn trusted_traversability(
+    map: &ElevationMap,
+    trust: &Raster<f32>,
+    footprint_m: f64,
+    limits: &Limits,
+) -> Result<Layers, TerrainError> {
+    judge(map, Some(trust), footprint_m, limits)
+}
+
+fn judge(
+    map: &ElevationMap,
+    trust: Option<&Raster<f32>>,
+    footprint_m: f64,
+    limits: &Limits,
+) -> Result<Layers, TerrainError> {
     limits.check()?;
+    check_trust(map.grid(), trust)?;
     let window = Window::of(map, footprint_m)?;
-    let resampled;
-    let heights = if window.is_resampled {
-        resampled = map.resampled(window.grid.resolution)?;
-        resampled.heights()
-    } else {
-        map.heights()
-    };
     let grid = window.grid;
+    let (finer_heights, finer_trust);
+    let ground = if window.is_resampled {
+        finer_heights = map.resampled(grid.resolution)?;
+        finer_trust = trust.map(|trust| {
+            Raster::from_fn(grid, |ix, iy| trust.nearest(grid.position(ix, iy)).unwrap_or(0.0))
+        });
+        block::Ground { heights: finer_heights.heights(), trust: finer_trust.as_ref() }
+    } else {
+        block::Ground { heights: map.heights(), trust }
+    };
     let mut layers = Layers {
         slope_rad: filled(grid, f32::NAN),
         roughness_m: filled(grid, f32::NAN),
@@ -90,9 +167,28 @@ pub fn traversability(
         window: window.cells,
         resolution_m: grid.resolution,
         source_resolution_m: map.grid().resolution,
+        limits: *limits,
+        has_trust: trust.is_some(),
+        references: Vec::new(),
     };
-    block::fill(heights, window.cells, limits, &mut layers);
+    block::fill(&ground, window.cells, limits, &mut layers, None);
     Ok(layers)
+}
+
+/// Refuses trust on another grid than the map's, or outside 0 to 1.
+fn check_trust(grid: &Grid, trust: Option<&Raster<f32>>) -> Result<(), TerrainError> {
+    let Some(trust) = trust else { return Ok(()) };
+    if trust.grid() != grid {
+        let (found, expected) = (trust.grid(), grid);
+        let (found, expected) = ([found.nx, found.ny], [expected.nx, expected.ny]);
+        return Err(TerrainError::OtherGrid { what: "trust", found, expected });
+    }
+    match trust.values().iter().find(|t| !(0.0..=1.0).contains(*t)) {
+        Some(t) => {
+            TerrainError::check("trust", f64::from(*t), [0.0, 1.0], "a share from 0 to 1").map(drop)
+        }
+        None => Ok(()),
+    }
 }
 
 fn filled<T: Copy>(grid: Grid, value: T) -> Raster<T> {

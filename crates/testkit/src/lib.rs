@@ -36,6 +36,16 @@ pub fn shared_data_path(test: &str, path: &str) -> Option<PathBuf> {
     None
 }
 
+/// True if a program that serves as an oracle is installed, or false with a note that `test` was
+/// skipped.
+pub fn is_installed(test: &str, program: &str) -> bool {
+    let found = std::process::Command::new(program).arg("--version").output().is_ok();
+    if !found {
+        note_skipped(test, &format!("{program} is not installed"));
+    }
+    found
+}
+
 /// Tells that `test` was skipped, and why, where `make test` collects it.
 pub fn note_skipped(test: &str, why: &str) {
     let note = format!("SKIPPED {test}: {why}");

@@ -138,6 +138,8 @@ pub struct TerrainVersion {
     pub frame_offset_m: [f64; 3],
     /// Tiles along x and y, 256 cells each.
     pub tiles: [usize; 2],
+    /// Zoom levels: at level z nodes are 2^z times as far apart; the last is a single tile.
+    pub zooms: usize,
     /// Layers that can be asked for.
     pub layers: Vec<String>,
 }
@@ -183,6 +185,10 @@ pub struct ImportRequest {
     /// Part of the file to take.
     #[serde(default)]
     pub crop: Option<ImportCrop>,
+    /// Distance of the nodes (m) where the file does not tell: of a point cloud (0.05 where absent), and
+    /// of a PDS3 image without a map scale.
+    #[serde(default)]
+    pub cell_m: Option<f64>,
     /// Add foot-scale detail of this resolution (m); the map is then marked as synthetic.
     #[serde(default)]
     pub detail_resolution_m: Option<f64>,
@@ -435,4 +441,26 @@ pub struct CellAnswer {
     pub certainty: Option<f64>,
     /// 0 unknown, 1 unsafe, 2 caution, 3 safe.
     pub class: u8,
+    /// Known share of the window, 0 to 1.
+    pub known_share: Option<f64>,
+    /// Slope, roughness and step with the thresholds they were held against; the least goodness
+    /// decides.
+    pub components: Vec<CellComponent>,
+}
+
+/// One of the values that goodness is the least ramp of.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct CellComponent {
+    /// `slope_rad`, `roughness_m` or `step_m`.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+    /// Fully good at this value and below.
+    pub lo: f64,
+    /// Fully bad at this value and above.
+    pub hi: f64,
+    /// Goodness in between, 0 to 1.
+    pub goodness: f64,
+    /// Where the default thresholds come from.
+    pub reason: String,
 }

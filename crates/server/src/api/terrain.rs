@@ -19,6 +19,7 @@ use wire::resources::{
 use crate::app::AppState;
 use crate::body::{Body, Operator, Path, Query};
 use crate::error::ApiError;
+use crate::terrain_store::ExportFormat;
 use crate::{import, terrains};
 
 pub fn routes() -> OpenApiRouter<AppState> {
@@ -40,14 +41,14 @@ async fn versions(State(app): State<AppState>) -> Json<TerrainVersions> {
     Json(app.store.list())
 }
 
-/// A tile of a layer: 256 cells a side and one node more, binary behind a 64-byte header. Zoom 0
-/// is the only one.
+/// A tile of a layer: 256 cells a side and one node more, binary behind a 64-byte header. At zoom z
+/// nodes are 2^z times as far apart: heights of the nodes that are left, the worst value elsewhere.
 #[utoipa::path(
     get, path = "/terrain/{version}/tiles/{layer}/{z}/{x}/{y}", tag = "terrain",
     params(
         ("version" = String, Path, description = "Version of the map"),
         ("layer" = String, Path, description = "height, slope, roughness, step, goodness, certainty or class"),
-        ("z" = usize, Path, description = "Zoom: 0"),
+        ("z" = usize, Path, description = "Zoom, from 0 (the map's own nodes) to below `zooms`"),
         ("x" = usize, Path, description = "Column of the tile"),
         ("y" = usize, Path, description = "Row of the tile"),
     ),
@@ -74,15 +75,12 @@ async fn tile(
     let tag = HeaderValue::from_str(&etag).map_err(|_| unknown())?;
     let cache = HeaderValue::from_static("public, max-age=31536000, immutable");
     let headers = [(header::ETAG, tag), (header::CACHE_CONTROL, cache)];
-    if z != 0 {
-        return Err(unknown());
-    }
     let is_same =
         |tags: &str| tags.split(',').any(|tag| tag.trim().trim_start_matches("W/") == etag);
     if cached.is_some_and(is_same) {
         return Ok((StatusCode::NOT_MODIFIED, headers).into_response());
     }
-    let bytes = tokio::task::spawn_blocking(move || version.tile(&layer, x, y))
+    let bytes = tokio::task::spawn_blocking(move || version.tile(&layer, z, x, y))
         .await
         .map_err(|error| ApiError::internal("the tile", error))??
         .ok_or_else(unknown)?;
@@ -119,26 +117,48 @@ async fn cell(
     Ok(Json(version.cell(place.x_m, place.y_m)))
 }
 
-/// A version of the map as GeoTIFF (heights, float32, local meters).
+#[derive(Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+struct ExportQuery {
+    /// `tif` (heights and layers), `obj` or `ply` (the surface as triangles).
+    #[serde(default)]
+    #[param(inline)]
+    format: ExportFormat,
+    /// A mesh may be this far above or below the surface (m); 0, the whole mesh, where absent.
+    #[serde(default)]
+    error_m: Option<f64>,
+}
+
+/// A version of the map as a file: GeoTIFF (heights and layers of traversability, float32, local
+/// meters) or a mesh of its surface, whole or simplified within a stated error.
 #[utoipa::path(
     get, path = "/terrain/{version}/export", tag = "terrain",
-    params(("version" = String, Path, description = "Version of the map")),
+    params(("version" = String, Path, description = "Version of the map"), ExportQuery),
     responses(
         (status = 200, body = Vec<u8>, content_type = "image/tiff"),
-        (status = 404, body = ErrorBody)
+        (status = 404, body = ErrorBody), (status = 422, body = ErrorBody)
     )
 )]
 async fn export(
     State(app): State<AppState>,
     Path(version): Path<String>,
+    Query(query): Query<ExportQuery>,
 ) -> Result<Response, ApiError> {
     let version = app.store.get(&At::root("version"), &version)?;
-    let name = format!("attachment; filename=\"terrain-{}.tif\"", version.info.version);
-    let bytes = tokio::task::spawn_blocking(move || version.geotiff())
+    let error_m = query.error_m.unwrap_or(0.0);
+    check::within(&At::root("error_m"), error_m, [0.0, 1000.0], " m")?;
+    let (ending, media_type) = query.format.names();
+    let name = format!("attachment; filename=\"terrain-{}.{ending}\"", version.info.version);
+    let permit = app.gate.enter().await?;
+    let work = move || {
+        let _place = permit;
+        version.export(query.format, error_m)
+    };
+    let bytes = tokio::task::spawn_blocking(work)
         .await
         .map_err(|error| ApiError::internal("the export", error))??;
     let headers =
-        [(header::CONTENT_TYPE, "image/tiff".to_owned()), (header::CONTENT_DISPOSITION, name)];
+        [(header::CONTENT_TYPE, media_type.to_owned()), (header::CONTENT_DISPOSITION, name)];
     Ok((headers, bytes).into_response())
 }
 

@@ -7,6 +7,7 @@ use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use bridge::catalog;
 use http_body_util::BodyExt;
+use terrain::formats::EXTENSIONS;
 use tokio::io::AsyncWriteExt;
 use tower::ServiceExt;
 use tower_http::services::ServeFile;
@@ -39,10 +40,11 @@ impl Drop for Unfinished {
 }
 
 /// Puts a file into the terrain folder, in place of one of the same name. GeoTIFF (`.tif`,
-/// `.tiff`) and `.off` can be imported then.
+/// `.tiff`), PDS3 (`.img`, `.lbl`), height-field meshes (`.off`, `.obj`), point clouds (`.ply`) and 16-bit
+/// `.png` can be imported then; the `.json` of a PNG goes beside it.
 #[utoipa::path(
     put, path = "/terrain/files/{name}", tag = "terrain",
-    params(("name" = String, Path, description = "1 to 64 of A-Z a-z 0-9 . _ -, ending in .tif, .tiff or .off")),
+    params(("name" = String, Path, description = "1 to 64 of A-Z a-z 0-9 . _ -, ending in tif, tiff, img, lbl, off, obj, ply, png or json")),
     request_body(content = Vec<u8>, content_type = "application/octet-stream"),
     responses(
         (status = 200, body = TerrainFile),
@@ -56,8 +58,9 @@ async fn put_file(
 ) -> Result<Json<TerrainFile>, ApiError> {
     let path = app.terrain_file(&name)?;
     let ending = name.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase());
-    if !matches!(ending.as_deref(), Some("tif" | "tiff" | "off")) {
-        let message = "a terrain file ends in .tif, .tiff or .off";
+    let is_read = |ending: &str| ending == "json" || EXTENSIONS.contains(&ending);
+    if !ending.as_deref().is_some_and(is_read) {
+        let message = format!("a terrain file ends in one of {}, json", EXTENSIONS.join(", "));
         return Err(ApiError::new("file_name_invalid", message));
     }
     let storage = |error: std::io::Error| ApiError::internal("writing the file", error);

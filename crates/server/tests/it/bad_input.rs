@@ -183,6 +183,8 @@ fn cases() -> Vec<(&'static str, String, &'static str, &'static str)> {
         ("terrain/imports", "{\"file\":\"../x.tif\"}".into(), "file_name_invalid", ""),
         ("terrain/imports", "{\"recipe\":{\"name\":\"boulder_field\"},\"crop\":{\"width_m\":1}}".into(), "terrain_ambiguous", "crop"),
         ("terrain/imports", "{\"file\":\"a.tif\",\"crop\":{\"width_m\":0}}".into(), "out_of_range", "crop.width_m"),
+        ("terrain/imports", "{\"file\":\"a.ply\",\"cell_m\":0}".into(), "out_of_range", "cell_m"),
+        ("terrain/imports", "{\"recipe\":{\"name\":\"boulder_field\"},\"cell_m\":1}".into(), "terrain_ambiguous", "cell_m"),
         ("terrain/imports", "{\"recipe\":{\"name\":\"boulder_field\"},\"heading_rad\":1e9}".into(), "out_of_range", "heading_rad"),
         ("replays", "{\"log\":\"../x\",\"rate\":1}".into(), "log_unknown", ""),
         ("replays", "{\"log\":\"x\",\"rate\":0}".into(), "rate_invalid", ""),

@@ -85,6 +85,41 @@ fn a_terrain_file_is_found_beside_its_request() {
 }
 
 #[test]
+fn terrain_files_are_read_and_written_in_other_formats() {
+    let dir = TempDir::new();
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let answer = |arguments: &[&str]| -> Value {
+        let run = footfall(&[&["terrain"], arguments].concat(), "");
+        assert_eq!(run.status, 0, "{}", run.errors);
+        serde_json::from_str(&run.output).unwrap()
+    };
+    let tif = path("ground.tif");
+    let made = answer(&["generate", "--width-m", "6", "--out", &tif]);
+    let obj = path("ground.obj");
+    let written = answer(&["export", &tif, "--out", &obj]);
+    assert_eq!(written["version"], made["version"]);
+    let again = answer(&["import", &obj, "--out", &path("again.tif")]);
+    assert_eq!((&again["size"], &again["z_range_m"]), (&made["size"], &made["z_range_m"]));
+    let part = answer(&["import", &tif, "--crop-m", "2", "--center-m", "1.5,3"]);
+    assert_eq!(part["size"], json!([41, 41]));
+    let simple = answer(&["export", &tif, "--out", &path("a.ply"), "--error-m", "0.02"]);
+    let whole = answer(&["export", &tif, "--out", &path("b.ply")]);
+    assert!(simple["bytes"].as_u64().unwrap() < whole["bytes"].as_u64().unwrap());
+    let layers = answer(&["export", &tif, "--out", &path("l.tif"), "--footprint-m", "0.75"]);
+    let bands = std::fs::read(path("l.tif")).unwrap();
+    assert_eq!(layers["bytes"].as_u64(), Some(bands.len() as u64));
+    assert!(bands.windows(9).any(|text| text == b"certainty"));
+    for arguments in [
+        &["export", tif.as_str(), "--out", "a.dxf"][..],
+        &["export", tif.as_str(), "--out", "a.obj", "--error-m", "-1"],
+        &["import", "nothing.tif"],
+        &["import", tif.as_str(), "--center-m", "1,2"],
+    ] {
+        assert_eq!(footfall(&[&["terrain"], arguments].concat(), "").status, 2, "{arguments:?}");
+    }
+}
+
+#[test]
 fn a_repeated_request_gives_each_answer_with_its_statistics() {
     let request = json!({ "cases": [{ "contacts": [], "com_m": [0, 0, 0] }] }).to_string();
     let run = footfall(&["stability", "-", "--repeat", "3"], &request);

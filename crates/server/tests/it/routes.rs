@@ -40,7 +40,9 @@ async fn a_tile_is_immutable_and_answered_once() {
     }
     for (path, code) in [
         ("tiles/height/0/9/0", "tile_unknown"),
-        ("tiles/height/1/0/0", "tile_unknown"),
+        ("tiles/height/2/0/0", "tile_unknown"),
+        ("tiles/height/1/1/0", "tile_unknown"),
+        ("tiles/height/99999999999/0/0", "tile_unknown"),
         ("tiles/nothing/0/0/0", "tile_unknown"),
         ("tiles/height/0/-1/0", "query_invalid"),
     ] {
@@ -70,8 +72,37 @@ async fn a_cell_tells_what_is_known_of_it() {
     for query in ["x_m=NaN&y_m=0", "x_m=inf&y_m=0"] {
         assert_eq!(ground.get(&path(query)).await.code(), "not_finite", "{query}");
     }
-    let tiff = ground.get(&path("").replace("cell?", "export")).await;
+    let components = cell["components"].as_array().unwrap();
+    let least = components.iter().map(|c| c["goodness"].as_f64().unwrap()).fold(1.0, f64::min);
+    assert!((least - cell["goodness"].as_f64().unwrap()).abs() < 1e-6, "{cell}");
+    assert!(components.iter().all(|c| c["reason"].as_str().unwrap().len() > 20), "{cell}");
+    let coarse = ground.get(&path("").replace("cell?", "tiles/height/1/0/0")).await;
+    let fine = ground.get(&path("").replace("cell?", "tiles/height/0/0/0")).await;
+    // At zoom 1 every second node is left, the first of them the same.
+    let info = &versions["versions"][0];
+    let n = (info["size"][0].as_u64().unwrap() as usize - 1) / 2 + 1;
+    assert_eq!((&info["zooms"], coarse.bytes.len()), (&json!(2), 64 + 4 * n * n));
+    let apart = 2.0 * info["resolution_m"].as_f64().unwrap();
+    assert_eq!(coarse.bytes[32..40], apart.to_le_bytes());
+    assert_eq!(coarse.bytes[64..68], fine.bytes[64..68]);
+    assert_eq!(coarse.bytes[68..72], fine.bytes[72..76]);
+    let export = |query: &str| path("").replace("cell?", &format!("export{query}"));
+    let tiff = ground.get(&export("")).await;
     assert_eq!(&tiff.bytes[..4], b"II*\0");
+    let ply = ground.get(&export("?format=ply")).await;
+    assert!(ply.bytes.starts_with(b"ply\n"), "a mesh");
+    let simple = ground.get(&export("?format=ply&error_m=0.05")).await;
+    assert!(4 * simple.bytes.len() < ply.bytes.len(), "{} bytes", simple.bytes.len());
+    let obj = ground.get(&export("?format=obj&error_m=0.1")).await;
+    assert!(obj.bytes.starts_with(b"# FootFall map"));
+    for (query, code) in [
+        ("?format=dxf", "query_invalid"),
+        ("?error_m=-1", "out_of_range"),
+        ("?error_m=NaN", "not_finite"),
+        ("?size=3", "query_invalid"),
+    ] {
+        assert_eq!(ground.get(&export(query)).await.code(), code, "{query}");
+    }
 }
 
 #[tokio::test]
@@ -90,6 +121,12 @@ async fn files_are_uploaded_listed_and_imported() {
     assert_eq!(report["state"], "done", "{report}");
     let current = ground.get("/api/v1/terrain/versions").await.json()["versions"][0].clone();
     assert_eq!(current["source"], "flat.off");
+    let ply = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n\
+               property float z\nend_header\n0 0 0\n30 0 0\n0 30 0\n30 30 0\n";
+    assert_eq!(ground.send(put("flat.ply", ply.into())).await.status, 200);
+    let request = json!({ "file": "flat.ply", "cell_m": 30.0, "place_m": [15.0, 15.0] });
+    let report = ground.job(&ground.post("terrain/imports", &request).await).await;
+    assert_eq!(report["state"], "done", "{report}");
     for name in [
         "..%2Fflat.off",
         "%2e%2e%2fflat.off",
@@ -101,7 +138,7 @@ async fn files_are_uploaded_listed_and_imported() {
         let answer = ground.send(put(name, off.into())).await;
         assert_eq!(answer.code(), "file_name_invalid", "{name}");
     }
-    assert_eq!(std::fs::read_dir(ground.dir.path().join("terrain")).unwrap().count(), 1);
+    assert_eq!(std::fs::read_dir(ground.dir.path().join("terrain")).unwrap().count(), 2);
     let bad = ground.send(put("bad.tif", b"no tiff".to_vec())).await;
     assert_eq!(bad.status, 200);
     let report =

@@ -8,7 +8,7 @@
 use geometry::Grid;
 use geotiff_reader::crs::ModelType;
 use geotiff_reader::geokeys::{PROJ_LINEAR_UNITS, VERTICAL_UNITS};
-use geotiff_reader::{GeoTiffFile, GeoTiffOpenOptions};
+pub use geotiff_reader::{GeoTiffFile, GeoTiffOpenOptions};
 use nalgebra::Point2;
 
 pub use super::geotiff_write::write_layers;
@@ -36,36 +36,45 @@ impl From<geotiff_reader::Error> for TerrainError {
 /// Reads the heights of a GeoTIFF. Coordinates beyond 10 km or heights beyond 1 km are moved to a
 /// local frame, whose offset the map keeps.
 pub fn read(bytes: &[u8], options: &ReadOptions) -> Result<ElevationMap, TerrainError> {
-    let limits = GeoTiffOpenOptions {
+    let limits = limits(options);
+    read_open(&GeoTiffFile::from_bytes_with_options(bytes.to_vec(), limits)?, options)
+}
+
+/// The decoder's limits for a part of a file.
+pub fn limits(options: &ReadOptions) -> GeoTiffOpenOptions {
+    GeoTiffOpenOptions {
         // A crop may still need one whole strip of a large file.
         decode_output_bytes: options.max_nodes.saturating_mul(8).max(1 << 28),
         ..GeoTiffOpenOptions::default()
-    };
-    let file = GeoTiffFile::from_bytes_with_options(bytes.to_vec(), limits)?;
-    check_coordinates(&file)?;
-    check_plain_heights(&file)?;
-    let whole = grid_of(&file)?;
+    }
+}
+
+/// As [`read`], of an open file: of a large one only the blocks of the asked part are read.
+pub fn read_open(file: &GeoTiffFile, options: &ReadOptions) -> Result<ElevationMap, TerrainError> {
+    check_coordinates(file)?;
+    check_plain_heights(file)?;
+    let whole = grid_of(file)?;
     let window = match options.crop {
         Some(crop) => Part::of(&whole, crop)?,
         None => Part { x0: 0, y0: 0, nx: whole.nx, ny: whole.ny },
     };
     TerrainError::check_nodes(window.nx as f64 * window.ny as f64, options.max_nodes)?;
-    let heights = heights(&file, &window, whole.ny)?;
+    let heights = heights(file, &window, whole.ny)?;
     let origin = whole.position(window.x0, window.y0);
     let grid = Grid { origin, nx: window.nx, ny: window.ny, ..whole };
     localized(grid, &heights, Source::file("geotiff"))
 }
 
 /// A rectangle of nodes, y upward.
-struct Part {
-    x0: usize,
-    y0: usize,
-    nx: usize,
-    ny: usize,
+pub(super) struct Part {
+    pub x0: usize,
+    pub y0: usize,
+    pub nx: usize,
+    pub ny: usize,
 }
 
 impl Part {
-    fn of(whole: &Grid, crop: Crop) -> Result<Part, TerrainError> {
+    pub fn of(whole: &Grid, crop: Crop) -> Result<Part, TerrainError> {
         TerrainError::check("crop.width_m", crop.width_m, [1e-6, 1e9], "a width over 0")?;
         let corner = Grid { origin: Point2::origin(), ..*whole };
         let center = crop.center_from_corner(whole.nx, whole.ny, whole.resolution);

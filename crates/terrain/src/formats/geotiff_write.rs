@@ -6,6 +6,7 @@ use geometry::{Grid, Raster};
 use tiff_core::{Compression, ExtraSample, PlanarConfiguration, Predictor, Tag, TagValue};
 use tiff_writer::{ImageBuilder, TiffWriter, WriteOptions};
 
+use super::cog;
 use crate::TerrainError;
 
 const TAG_PIXEL_SCALE: u16 = 33550;
@@ -14,8 +15,8 @@ const TAG_GEO_KEYS: u16 = 34735;
 const TAG_GEO_ASCII: u16 = 34737;
 const TAG_GDAL_METADATA: u16 = 42112;
 const TAG_GDAL_NODATA: u16 = 42113;
-/// Rows of one strip.
-const STRIP: usize = 64;
+/// Pixels a side of a block.
+const BLOCK: usize = 256;
 
 impl From<tiff_writer::Error> for TerrainError {
     fn from(e: tiff_writer::Error) -> TerrainError {
@@ -23,11 +24,13 @@ impl From<tiff_writer::Error> for TerrainError {
     }
 }
 
-/// The layers as the float32 bands of one GeoTIFF (deflate, a plane per band, north up, NaN =
-/// nodata), each described by its name in GDAL's metadata tag.
+/// The layers as the float32 bands of one cloud-optimized GeoTIFF (tiles of 256 x 256, deflate, a plane
+/// per band, north up, NaN = nodata), each described by its name in GDAL's metadata tag.
 ///
 /// The pixels' centers are the nodes of `grid`, in an engineering system of meters without a place
-/// on any planet: local `world` coordinates.
+/// on any planet: local `world` coordinates. Overviews halve the pixels until one tile holds them: the
+/// mean of four, of which two are known at least; of a layer called `class` the least, 0 (unknown)
+/// included.
 pub fn write_layers(grid: &Grid, layers: &[(&str, &Raster<f32>)]) -> Result<Vec<u8>, TerrainError> {
     let refuse = |reason: String| Err(TerrainError::TiffWrite { reason });
     if layers.is_empty() || layers.len() > 1000 {
@@ -39,33 +42,97 @@ pub fn write_layers(grid: &Grid, layers: &[(&str, &Raster<f32>)]) -> Result<Vec<
     if let Some((name, _)) = layers.iter().find(|(_, layer)| layer.grid() != grid) {
         return refuse(format!("layer {name:?} lies on another grid"));
     }
-    let mut image = ImageBuilder::new(grid.nx as u32, grid.ny as u32)
-        .sample_type::<f32>()
-        .samples_per_pixel(layers.len() as u16)
-        .planar_configuration(PlanarConfiguration::Planar)
-        .extra_samples(vec![ExtraSample::Unspecified; layers.len() - 1])
-        .compression(Compression::Deflate)
-        .predictor(Predictor::FloatingPoint)
-        .strips(STRIP as u32);
-    for tag in tags(grid, layers) {
-        image = image.tag(tag);
+    if let Some((name, _)) = layers.iter().find(|(name, _)| name.contains(['&', '<', '>', '\0'])) {
+        return refuse(format!("layer name {name:?} holds one of & < >"));
+    }
+    let mut levels = vec![Level::of(grid, layers)];
+    while levels[levels.len() - 1].nx.max(levels[levels.len() - 1].ny) > BLOCK {
+        let next = levels[levels.len() - 1].halved(layers);
+        levels.push(next);
     }
     let mut writer = TiffWriter::new(Cursor::new(Vec::new()), WriteOptions::default())?;
-    let handle = writer.add_image(image)?;
-    let mut strip = Vec::with_capacity(STRIP * grid.nx);
-    let mut index = 0;
-    for (_, layer) in layers {
-        for row in (0..grid.ny).step_by(STRIP) {
-            strip.clear();
-            for row in row..(row + STRIP).min(grid.ny) {
-                let start = grid.index(0, grid.ny - 1 - row);
-                strip.extend_from_slice(&layer.values()[start..start + grid.nx]);
+    let mut handles = Vec::new();
+    for (i, level) in levels.iter().enumerate() {
+        let mut image = ImageBuilder::new(level.nx as u32, level.ny as u32)
+            .sample_type::<f32>()
+            .samples_per_pixel(layers.len() as u16)
+            .planar_configuration(PlanarConfiguration::Planar)
+            .extra_samples(vec![ExtraSample::Unspecified; layers.len() - 1])
+            .compression(Compression::Deflate)
+            .predictor(Predictor::FloatingPoint)
+            .tiles(BLOCK as u32, BLOCK as u32);
+        if i == 0 {
+            for tag in tags(grid, layers) {
+                image = image.tag(tag);
             }
-            writer.write_block(&handle, index, &strip)?;
-            index += 1;
+        } else {
+            let nodata = Tag::new(TAG_GDAL_NODATA, TagValue::Ascii("nan".to_owned()));
+            image = image.overview().tag(nodata);
+        }
+        handles.push(writer.add_image(image)?);
+    }
+    // The coarsest first, as readers ask for it first.
+    for (level, handle) in levels.iter().zip(&handles).rev() {
+        let (across, down) = (level.nx.div_ceil(BLOCK), level.ny.div_ceil(BLOCK));
+        let mut index = 0;
+        for band in &level.bands {
+            for (row, column) in (0..down).flat_map(|y| (0..across).map(move |x| (y, x))) {
+                writer.write_block(handle, index, &level.block(band, column, row))?;
+                index += 1;
+            }
         }
     }
-    Ok(writer.finish()?.into_inner())
+    cog::directories_first(writer.finish()?.into_inner())
+}
+
+/// The bands at one size, row by row from the north.
+struct Level {
+    nx: usize,
+    ny: usize,
+    bands: Vec<Vec<f32>>,
+}
+
+impl Level {
+    fn of(grid: &Grid, layers: &[(&str, &Raster<f32>)]) -> Level {
+        let north_up = |(_, layer): &(&str, &Raster<f32>)| {
+            layer.values().chunks_exact(grid.nx).rev().flatten().copied().collect()
+        };
+        Level { nx: grid.nx, ny: grid.ny, bands: layers.iter().map(north_up).collect() }
+    }
+
+    /// A tile of a band; what lies beyond is unknown.
+    fn block(&self, band: &[f32], column: usize, row: usize) -> Vec<f32> {
+        let mut block = vec![f32::NAN; BLOCK * BLOCK];
+        let width = BLOCK.min(self.nx - column * BLOCK);
+        for (y, to) in block.chunks_exact_mut(BLOCK).enumerate().take(self.ny - row * BLOCK) {
+            let from = (row * BLOCK + y) * self.nx + column * BLOCK;
+            to[..width].copy_from_slice(&band[from..from + width]);
+        }
+        block
+    }
+
+    fn halved(&self, layers: &[(&str, &Raster<f32>)]) -> Level {
+        let (nx, ny) = (self.nx.div_ceil(2), self.ny.div_ceil(2));
+        let halve = |(band, (name, _)): (&Vec<f32>, &(&str, &Raster<f32>))| {
+            let mut out = Vec::with_capacity(nx * ny);
+            for (y, x) in (0..ny).flat_map(|y| (0..nx).map(move |x| (y, x))) {
+                let four = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| {
+                    let (x, y) = (2 * x + dx, 2 * y + dy);
+                    if x < self.nx && y < self.ny { band[y * self.nx + x] } else { f32::NAN }
+                });
+                let known = four.into_iter().filter(|z| !z.is_nan());
+                let n = known.clone().count();
+                out.push(match *name {
+                    _ if n == 0 => f32::NAN,
+                    "class" => known.fold(f32::INFINITY, f32::min),
+                    _ if n < 2 => f32::NAN,
+                    _ => (known.map(f64::from).sum::<f64>() / n as f64) as f32,
+                });
+            }
+            out
+        };
+        Level { nx, ny, bands: self.bands.iter().zip(layers).map(halve).collect() }
+    }
 }
 
 /// Where the pixels lie, and what the bands are.
@@ -85,7 +152,6 @@ fn tags(grid: &Grid, layers: &[(&str, &Raster<f32>)]) -> Vec<Tag> {
     ];
     let mut metadata = "<GDALMetadata>\n".to_owned();
     for (band, (name, _)) in layers.iter().enumerate() {
-        let name = name.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
         metadata += &format!(
             "  <Item name=\"DESCRIPTION\" sample=\"{band}\" role=\"description\">{name}</Item>\n"
         );

@@ -4,14 +4,9 @@
 //! one grid square each. The map splits each square along its own diagonal, whichever the mesh
 //! uses. A vertex that no face uses is unknown.
 
-use geometry::Grid;
-use nalgebra::Point2;
-
+use super::height_field::{Layout, Squares, not_a_number};
 use super::localized;
 use crate::{ElevationMap, Source, TerrainError};
-
-/// How far a vertex may lie from its node, in cells: files are printed with 6 digits.
-const TOLERANCE: f64 = 1e-3;
 
 /// Reads an OFF mesh; one with more than `max_nodes` vertices is refused before memory is taken
 /// for them. Lengths are taken as meters, z as up.
@@ -20,7 +15,7 @@ pub fn read(bytes: &[u8], max_nodes: usize) -> Result<ElevationMap, TerrainError
     let mut lines = Lines::new(&text);
     let (n_vertices, n_faces) = header(&mut lines, bytes.len(), max_nodes)?;
     let vertices = vertices(&mut lines, n_vertices)?;
-    let layout = Layout::of(&vertices)?;
+    let layout = Layout::of_rows(&vertices)?;
     let faces = faces(&mut lines, n_faces, &layout)?;
     let heights = layout.heights(&vertices, &faces)?;
     localized(layout.grid, &heights, Source::file("mesh.off"))
@@ -94,13 +89,13 @@ fn vertices(lines: &mut Lines, n_vertices: usize) -> Result<Vec<[f64; 3]>, Terra
             });
         };
         let mut words = text.split_whitespace();
-        let mut vertex = [0.0; 3];
+        let mut vertex = [0.0_f64; 3];
         for value in &mut vertex {
             let word = words.next();
             let number: Option<f64> = word.and_then(|w| w.parse().ok());
             *value = number.ok_or_else(|| not_a_number(line, word, "a coordinate"))?;
             if !value.is_finite() {
-                return Err(TerrainError::OffNotFinite { line, value: *value });
+                return Err(TerrainError::MeshNotFinite { line, value: *value });
             }
         }
         if let Some(word) = words.next() {
@@ -111,116 +106,10 @@ fn vertices(lines: &mut Lines, n_vertices: usize) -> Result<Vec<[f64; 3]>, Terra
     Ok(vertices)
 }
 
-fn not_a_number(line: usize, word: Option<&str>, expected: &'static str) -> TerrainError {
-    let found = word.unwrap_or("").chars().take(40).collect();
-    TerrainError::OffNumber { line, found, expected }
-}
-
-/// Which vertex is which node.
-struct Layout {
-    grid: Grid,
-    /// Vertices from one to the next along the direction that comes first in the file.
-    run: usize,
-    /// True if that direction is x.
-    x_first: bool,
-    /// True if x (y) falls in the order of the file.
-    is_falling: [bool; 2],
-}
-
-impl Layout {
-    fn of(vertices: &[[f64; 3]]) -> Result<Layout, TerrainError> {
-        let n = vertices.len();
-        let refuse = |reason: String| Err(TerrainError::OffNotAGrid { reason });
-        if n < 4 {
-            return refuse(format!("{n} vertices are fewer than 2 x 2"));
-        }
-        let (first, second, last) = (vertices[0], vertices[1], vertices[n - 1]);
-        let x_first = (second[0] - first[0]).abs() > (second[1] - first[1]).abs();
-        let (fast, slow) = if x_first { (0, 1) } else { (1, 0) };
-        let cell = (second[fast] - first[fast]).abs();
-        let run = vertices.iter().position(|v| (v[slow] - first[slow]).abs() > 0.5 * cell);
-        let run = run.unwrap_or(n);
-        if run < 2 || run == n || !n.is_multiple_of(run) {
-            return refuse(format!("{n} vertices do not fill rows of {run}"));
-        }
-        let n_of = if x_first { [run, n / run] } else { [n / run, run] };
-        let spacing = |axis: usize| (last[axis] - first[axis]) / (n_of[axis] - 1) as f64;
-        let (dx, dy) = (spacing(0), spacing(1));
-        let resolution = 0.5 * (dx.abs() + dy.abs());
-        if !resolution.is_finite() || (dx.abs() - dy.abs()).abs() > TOLERANCE * resolution {
-            return refuse(format!("cells are {} x {}, not square", dx.abs(), dy.abs()));
-        }
-        TerrainError::check(
-            "off cell size (m)",
-            resolution,
-            [1e-6, 1e6],
-            "cells of 1e-6 to 1e6 m",
-        )?;
-        for (i, v) in vertices.iter().enumerate() {
-            let (along, across) = ((i % run) as f64, (i / run) as f64);
-            let (ix, iy) = if x_first { (along, across) } else { (across, along) };
-            let off = (v[0] - first[0] - dx * ix).abs().max((v[1] - first[1] - dy * iy).abs());
-            if off > TOLERANCE * resolution {
-                return refuse(format!("vertex {i} at ({}, {}) is off its node", v[0], v[1]));
-            }
-        }
-        let origin = Point2::new(first[0].min(last[0]), first[1].min(last[1]));
-        let grid = Grid { origin, resolution, nx: n_of[0], ny: n_of[1] };
-        Ok(Layout { grid, run, x_first, is_falling: [dx < 0.0, dy < 0.0] })
-    }
-
-    /// The node of a vertex.
-    fn node(&self, vertex: usize) -> [usize; 2] {
-        let (along, across) = (vertex % self.run, vertex / self.run);
-        let [ix, iy] = if self.x_first { [along, across] } else { [across, along] };
-        let turn = |i: usize, n: usize, is_falling: bool| if is_falling { n - 1 - i } else { i };
-        [turn(ix, self.grid.nx, self.is_falling[0]), turn(iy, self.grid.ny, self.is_falling[1])]
-    }
-
-    /// Heights by node (m), NaN where no face has it. `faces` as of [`faces`].
-    fn heights(&self, vertices: &[[f64; 3]], faces: &[u8]) -> Result<Vec<f64>, TerrainError> {
-        let grid = &self.grid;
-        let mut heights = vec![f64::NAN; grid.len()];
-        let uses =
-            |ix: usize, iy: usize, corner: usize| faces[grid.index(ix, iy)] & !LACKS[corner] != 0;
-        for (i, vertex) in vertices.iter().enumerate() {
-            let [ix, iy] = self.node(i);
-            let is_used = uses(ix, iy, 0)
-                || (ix > 0 && uses(ix - 1, iy, 1))
-                || (iy > 0 && uses(ix, iy - 1, 2))
-                || (ix > 0 && iy > 0 && uses(ix - 1, iy - 1, 3));
-            if is_used {
-                heights[grid.index(ix, iy)] = vertex[2];
-            }
-        }
-        for iy in 0..grid.ny - 1 {
-            for ix in 0..grid.nx - 1 {
-                let corners = [(0, 0), (1, 0), (0, 1), (1, 1)];
-                let is_known =
-                    corners.iter().all(|(x, y)| !heights[grid.index(ix + x, iy + y)].is_nan());
-                if is_known && !is_covered(faces[grid.index(ix, iy)]) {
-                    return Err(TerrainError::OffHole { ix, iy });
-                }
-            }
-        }
-        Ok(heights)
-    }
-}
-
-/// A square's triangles, a bit each, by the corner it lacks: (0, 0), (1, 0), (0, 1) or (1, 1).
-const LACKS: [u8; 4] = [1, 2, 4, 8];
-
-/// True if the triangles leave no part of their square open.
-fn is_covered(triangles: u8) -> bool {
-    let has = |pair: u8| triangles & pair == pair;
-    has(LACKS[0] | LACKS[3]) || has(LACKS[1] | LACKS[2])
-}
-
 /// For each square (by the index of its lower left node), its triangles.
 fn faces(lines: &mut Lines, n_faces: usize, layout: &Layout) -> Result<Vec<u8>, TerrainError> {
-    let grid = &layout.grid;
-    let n_vertices = grid.len();
-    let mut squares = vec![0_u8; n_vertices];
+    let n_vertices = layout.nodes.len();
+    let mut squares = Squares::new(layout);
     for found in 0..n_faces {
         let Some((line, text)) = lines.next() else {
             let (expected, found) = (n_faces as u64, found as u64);
@@ -233,36 +122,18 @@ fn faces(lines: &mut Lines, n_faces: usize, layout: &Layout) -> Result<Vec<u8>, 
         };
         let n_corners = integer("a number of corners")?;
         if !(3..=4).contains(&n_corners) {
-            return Err(TerrainError::OffFaceCorners { line, n_corners });
+            return Err(TerrainError::MeshFaceCorners { line, n_corners });
         }
-        let mut nodes = [[0; 2]; 4];
-        for node in &mut nodes[..n_corners as usize] {
+        let mut corners = [0; 4];
+        for corner in &mut corners[..n_corners as usize] {
             let index = integer("a vertex index")?;
             if index >= n_vertices as u64 {
-                return Err(TerrainError::OffIndex { line, index, n_vertices });
+                return Err(TerrainError::MeshIndex { line, index, n_vertices });
             }
-            *node = layout.node(index as usize);
+            *corner = index as usize;
         }
         // What follows on the line is the face's color.
-        let nodes = &nodes[..n_corners as usize];
-        let least = |axis: usize| nodes.iter().map(|node| node[axis]).min().unwrap_or(0);
-        let (ix, iy) = (least(0), least(1));
-        let mut corners = 0_u8;
-        for [x, y] in nodes {
-            let (dx, dy) = (x - ix, y - iy);
-            if dx > 1 || dy > 1 {
-                let reason = format!("the face on line {line} spans more than one square");
-                return Err(TerrainError::OffNotAGrid { reason });
-            }
-            corners |= LACKS[dx + 2 * dy];
-        }
-        if u64::from(corners.count_ones()) != n_corners {
-            let reason = format!("the face on line {line} uses a vertex twice");
-            return Err(TerrainError::OffNotAGrid { reason });
-        }
-        // A quadrilateral counts as its two triangles on our diagonal.
-        let triangles = if n_corners == 4 { LACKS[0] | LACKS[3] } else { !corners & 15 };
-        squares[grid.index(ix, iy)] |= triangles;
+        squares.add(line, &corners[..n_corners as usize])?;
     }
-    Ok(squares)
+    Ok(squares.triangles)
 }

@@ -2,7 +2,9 @@
 
 use nalgebra::{Point2, Unit, Vector3};
 
-use super::{Limits, UNKNOWN, Window};
+use geometry::Raster;
+
+use super::{Limits, RAMP_REASONS, UNKNOWN, Window, check_trust};
 use crate::plane::{Moments, normal_of};
 use crate::{ElevationMap, TerrainError};
 
@@ -31,8 +33,10 @@ pub struct CellExplanation {
     pub goodness_of: Option<[f64; 3]>,
     /// The least of them; `None` where the class is unknown.
     pub goodness: Option<f64>,
-    /// Known share of the window.
+    /// Trust in the window's known cells over the number of its cells.
     pub certainty: f64,
+    /// Known share of the window.
+    pub known_share: f64,
     /// Known share of each quadrant: (low x, low y), (high x, low y), (low x, high y), (high, high).
     pub quadrant_known: [f64; 4],
     /// Class, as in [`super::Layers`].
@@ -41,6 +45,53 @@ pub struct CellExplanation {
     pub window: usize,
     /// Distance of the cells judged (m).
     pub resolution_m: f64,
+    /// The thresholds.
+    pub limits: Limits,
+}
+
+/// One of the values that goodness is the least ramp of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Component {
+    /// `slope_rad`, `roughness_m` or `step_m`.
+    pub name: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// Goodness is 1 at this value and below.
+    pub lo: f64,
+    /// Goodness is 0 at this value and above.
+    pub hi: f64,
+    /// Goodness in between.
+    pub goodness: f64,
+    /// Where the default thresholds come from.
+    pub reason: &'static str,
+}
+
+impl CellExplanation {
+    /// Slope, roughness and step with the thresholds they were held against; the worst decides.
+    /// Empty where one of them has no value.
+    pub fn components(&self) -> Vec<Component> {
+        let (Some(slope), Some(roughness), Some(step), Some(goodness)) =
+            (self.slope_rad, self.roughness_m, self.step_m, self.goodness_of)
+        else {
+            return Vec::new();
+        };
+        let l = &self.limits;
+        let parts = [
+            ("slope_rad", slope, l.slope_lo_rad, l.slope_hi_rad),
+            ("roughness_m", roughness, l.roughness_lo_m, l.roughness_hi_m),
+            ("step_m", step, l.step_lo_m, l.step_hi_m),
+        ];
+        let whys = goodness.into_iter().zip(RAMP_REASONS);
+        let component = |((name, value, lo, hi), (goodness, reason))| Component {
+            name,
+            value,
+            lo,
+            hi,
+            goodness,
+            reason,
+        };
+        parts.into_iter().zip(whys).map(component).collect()
+    }
 }
 
 /// Explains the cell that holds `p`; `None` outside the map. The same definition as
@@ -51,16 +102,29 @@ pub fn explain_cell(
     footprint_m: f64,
     limits: &Limits,
 ) -> Result<Option<CellExplanation>, TerrainError> {
+    explain_trusted_cell(map, None, p, footprint_m, limits)
+}
+
+/// As [`explain_cell`], with trust in each cell of the map, 0 to 1, on the map's grid.
+pub fn explain_trusted_cell(
+    map: &ElevationMap,
+    trust: Option<&Raster<f32>>,
+    p: Point2<f64>,
+    footprint_m: f64,
+    limits: &Limits,
+) -> Result<Option<CellExplanation>, TerrainError> {
     limits.check()?;
+    check_trust(map.grid(), trust)?;
     let window = Window::of(map, footprint_m)?;
     let Some(center) = window.grid.nearest(p) else { return Ok(None) };
-    let view = View { map, window: &window, center: (center.0 as i64, center.1 as i64) };
+    let view = View { map, trust, window: &window, center: (center.0 as i64, center.1 as i64) };
     Ok(Some(view.explain(limits)))
 }
 
 /// The cells around one cell.
 struct View<'a> {
     map: &'a ElevationMap,
+    trust: Option<&'a Raster<f32>>,
     window: &'a Window,
     center: (i64, i64),
 }
@@ -122,7 +186,15 @@ impl View<'_> {
             inside.count() as f64 / (half * half)
         };
         let quadrant_known = [share(-1, -1), share(1, -1), share(-1, 1), share(1, 1)];
-        let certainty = known.len() as f64 / (w * w) as f64;
+        let known_share = known.len() as f64 / (w * w) as f64;
+        let trust = |(dx, dy, _): &(i64, i64, f64)| match self.trust {
+            Some(trust) => {
+                let (ix, iy) = ((self.center.0 + dx) as usize, (self.center.1 + dy) as usize);
+                trust.nearest(grid.position(ix, iy)).map_or(0.0, f64::from)
+            }
+            None => 1.0,
+        };
+        let certainty = known.iter().map(trust).sum::<f64>() / (w * w) as f64;
         let step_m = plane
             .zip(self.largest_range())
             .map(|(plane, range)| (range - 2.0 * c * (plane.a.abs() + plane.b.abs())).max(0.0));
@@ -140,7 +212,7 @@ impl View<'_> {
             }
             _ => None,
         };
-        let is_known = certainty >= limits.known_share_min - 1e-12
+        let is_known = known_share >= limits.known_share_min - 1e-12
             && quadrant_known.iter().all(|q| *q >= limits.quadrant_known_min - 1e-12);
         let goodness = goodness_of.filter(|_| is_known).map(|g| g[0].min(g[1]).min(g[2]));
         CellExplanation {
@@ -156,10 +228,12 @@ impl View<'_> {
             goodness_of,
             goodness,
             certainty,
+            known_share,
             quadrant_known,
             class: goodness.map_or(UNKNOWN, |g| limits.class(g as f32, certainty as f32)),
             window: w,
             resolution_m: c,
+            limits: *limits,
         }
     }
 }

@@ -56,11 +56,21 @@ impl Judge<'_> {
         }
     }
 
-    /// Fills a row from the sums over its windows, their largest 3 x 3 ranges (m) and the known
-    /// cells of their least known quadrants.
-    pub fn row(&self, sums: &Sums, ranges: &[f32], least: &[f64], out: &mut Answers) {
-        let len = sums.len;
-        let [n, y, yy, z, yz, zz, x, xx, xy, xz] = sums.rows.each_ref().map(|row| &row[..len]);
+    /// Fills a row from the sums over its windows from window `first` on, their largest 3 x 3 ranges
+    /// (m), the known cells of their least known quadrants and, unless it is their known share,
+    /// their certainty.
+    pub fn row(
+        &self,
+        sums: &Sums,
+        first: usize,
+        ranges: &[f32],
+        least: &[f64],
+        trusted: Option<&[f32]>,
+        out: &mut Answers,
+    ) {
+        let len = sums.len - first;
+        let [n, y, yy, z, yz, zz, x, xx, xy, xz] =
+            sums.rows.each_ref().map(|row| &row[first..][..len]);
         let (ranges, least) = (&ranges[..len], &least[..len]);
         let (slope, roughness) = (&mut out.slope[..len], &mut out.roughness[..len]);
         let (step, goodness) = (&mut out.step[..len], &mut out.goodness[..len]);
@@ -105,6 +115,9 @@ impl Judge<'_> {
             roughness[i] = if has_plane { roughness_m as f32 } else { f32::NAN };
             step[i] = if has_step { step_m as f32 } else { f32::NAN };
             goodness[i] = if is_known { worst as f32 } else { f32::NAN };
+        }
+        if let Some(trusted) = trusted {
+            certainty.copy_from_slice(trusted);
         }
         let unsafe_below = limits.unsafe_below as f32;
         let caution_below = limits.caution_below as f32;

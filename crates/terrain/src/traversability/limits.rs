@@ -2,6 +2,13 @@
 
 use crate::TerrainError;
 
+/// Why the default ramps of slope, roughness and step are as they are, in this order.
+pub const RAMP_REASONS: [&str; 3] = [
+    "a friction of 0.5 holds 26.6 degrees; this keeps a margin (own choice)",
+    "fully bad at 0.05 m: the critical value of traversability_estimation (ANYbotics)",
+    "fully bad at a quarter of the wheel's diameter: what a compliant tire rolls over (Sliding Gait, 2011)",
+];
+
 /// Ramps (goodness 1 at `lo` or below, 0 at `hi` or above) and class thresholds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {

@@ -1,10 +1,30 @@
 //! The largest 3 x 3 height range in each window of a block, by separable running maxima.
 
+use std::borrow::Cow;
+
 /// A block of heights, row-major, NaN = unknown.
+#[derive(Clone)]
 pub(super) struct Patch {
     pub width: usize,
     pub height: usize,
     pub z: Vec<f32>,
+}
+
+impl Patch {
+    /// The first `len` cells of row `iy` within the patch's outermost cells.
+    pub fn row(&self, iy: usize, len: usize) -> &[f32] {
+        &self.z[(iy + 1) * self.width + 1..][..len]
+    }
+
+    /// What is at or beyond column `x` and row `y`.
+    pub fn part(&self, x: usize, y: usize) -> Cow<'_, Patch> {
+        if (x, y) == (0, 0) {
+            return Cow::Borrowed(self);
+        }
+        let rows = self.z.chunks_exact(self.width).skip(y);
+        let z = rows.flat_map(|row| &row[x..]).copied().collect();
+        Cow::Owned(Patch { width: self.width - x, height: self.height - y, z })
+    }
 }
 
 /// No 3 x 3 neighborhood of the window has two known neighbors of its center.

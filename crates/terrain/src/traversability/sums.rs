@@ -5,8 +5,14 @@
 //! height of the block, and starts anew in each block: nothing grows, and sums of counts and
 //! coordinates are exact.
 
+use super::step::Patch;
+
 /// Number of sums over a window.
 pub(super) const N_SUMS: usize = 10;
+/// Windows along a row whose sums go on from each other.
+const RUN: usize = 64;
+/// Trust is counted in whole steps, so that its sums are exact.
+const TRUST_STEPS: f32 = 65535.0;
 
 /// Sums over each window along a row, in cells and meters: n, y, yy, z, yz, zz, xn, xxn, xy, xz.
 pub(super) struct Sums {
@@ -77,31 +83,34 @@ impl Columns {
         }
     }
 
-    /// The sums over each window along the row.
-    pub fn window_sums(&self, out: &mut Sums) {
+    /// The sums over each window along the row, from window `first` on. They begin anew every
+    /// [`RUN`] windows, so that a window's sums do not depend on how far the others go.
+    pub fn window_sums(&self, out: &mut Sums, first: usize) {
         let w = 2 * self.half + 1;
         let column = |i: usize| -> [f64; N_SUMS] {
             let x = i as f64;
             let (n, y, z) = (self.n[i], self.y[i], self.z[i]);
             [n, y, self.yy[i], z, self.yz[i], self.zz[i], x * n, x * x * n, x * y, x * z]
         };
-        let mut sums = [0.0; N_SUMS];
-        for i in 0..w - 1 {
-            let enters = column(i);
-            (0..N_SUMS).for_each(|k| sums[k] += enters[k]);
-        }
-        for i in 0..out.len {
-            let (enters, leaves) = (column(i + w - 1), column(i));
-            for k in 0..N_SUMS {
-                sums[k] += enters[k];
-                out.rows[k][i] = sums[k];
-                sums[k] -= leaves[k];
+        for start in (first / RUN * RUN..out.len).step_by(RUN) {
+            let mut sums = [0.0; N_SUMS];
+            for i in start..start + w - 1 {
+                let enters = column(i);
+                (0..N_SUMS).for_each(|k| sums[k] += enters[k]);
+            }
+            for i in start..out.len.min(start + RUN) {
+                let (enters, leaves) = (column(i + w - 1), column(i));
+                for k in 0..N_SUMS {
+                    sums[k] += enters[k];
+                    out.rows[k][i] = sums[k];
+                    sums[k] -= leaves[k];
+                }
             }
         }
     }
 }
 
-/// Known cells of each column above and below the center row, and their running sums along it.
+/// Known cells of each column above and below the center row, and their sums along it.
 pub(super) struct Quadrants {
     half: usize,
     low: Vec<u32>,
@@ -132,6 +141,10 @@ impl Quadrants {
         // `high` covers rows iy + half .. iy + 2 half here; drop the center row, take the last.
         add_known(&mut self.high, row(iy + half), u32::MAX);
         add_known(&mut self.high, row(iy + 2 * half), 1);
+    }
+
+    /// Sums along the row.
+    pub fn sum(&mut self) {
         for (sums, counts) in [(&mut self.low_sums, &self.low), (&mut self.high_sums, &self.high)] {
             let mut sum = 0;
             for (to, count) in sums[1..].iter_mut().zip(counts) {
@@ -155,5 +168,54 @@ impl Quadrants {
 fn add_known(counts: &mut [u32], row: &[f32], amount: u32) {
     for (count, z) in counts.iter_mut().zip(row) {
         *count = count.wrapping_add(if !z.is_nan() { amount } else { 0 });
+    }
+}
+
+/// Sums of trust in the known cells of each window.
+pub(super) struct Trusts {
+    /// Trust in steps, row by row; 0 where the height is unknown.
+    steps: Vec<u32>,
+    w: usize,
+    columns: Vec<u32>,
+    certainty: Vec<f32>,
+}
+
+impl Trusts {
+    /// Sums over patches of heights and of trust, 0 to 1, as [`Columns`] has them of heights.
+    pub fn new(heights: &Patch, trust: &Patch, len: usize, w: usize) -> Trusts {
+        let rows = (0..heights.height - 2).map(|iy| (heights.row(iy, len), trust.row(iy, len)));
+        let steps = |(z, trust): (&f32, &f32)| {
+            let steps = (trust.clamp(0.0, 1.0) * TRUST_STEPS + 0.5) as i32;
+            if z.is_nan() { 0 } else { steps as u32 }
+        };
+        let steps = rows.flat_map(|(z, trust)| z.iter().zip(trust).map(steps)).collect();
+        Trusts { steps, w, columns: vec![0; len], certainty: vec![0.0; len + 1 - w] }
+    }
+
+    /// Moves to the window that starts at row `iy`.
+    pub fn slide(&mut self, iy: usize) {
+        let len = self.columns.len();
+        let first_entering = if iy == 0 { 0 } else { iy + self.w - 1 };
+        for row in self.steps.chunks_exact(len).take(iy + self.w).skip(first_entering) {
+            self.columns.iter_mut().zip(row).for_each(|(sum, steps)| *sum += steps);
+        }
+        if iy > 0 {
+            let row = &self.steps[(iy - 1) * len..][..len];
+            self.columns.iter_mut().zip(row).for_each(|(sum, steps)| *sum -= steps);
+        }
+    }
+
+    /// The certainty of each window.
+    pub fn certainty(&mut self) -> &[f32] {
+        let w = self.w;
+        let per_whole = 1.0 / (f64::from(TRUST_STEPS) * (w * w) as f64);
+        let mut sum: u64 = self.columns[..w - 1].iter().map(|n| u64::from(*n)).sum();
+        let ends = self.columns[w - 1..].iter().zip(&self.columns);
+        for (certainty, (enters, leaves)) in self.certainty.iter_mut().zip(ends) {
+            sum += u64::from(*enters);
+            *certainty = (sum as i64 as f64 * per_whole) as f32;
+            sum -= u64::from(*leaves);
+        }
+        &self.certainty
     }
 }

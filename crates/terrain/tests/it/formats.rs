@@ -106,17 +106,19 @@ fn a_crop_reads_that_part_alone_even_of_a_file_that_is_too_large() {
     let bytes = Tiff::new(10, &rows).bytes();
     let center = CropCenter::Meters(Point2::new(4.0, 2.0));
     let crop = Some(Crop { center, width_m: 4.0 });
-    let map = geotiff::read(&bytes, &ReadOptions { crop, max_nodes: 9 }).unwrap();
+    let map = geotiff::read(&bytes, &ReadOptions { crop, max_nodes: 9, ..ReadOptions::default() })
+        .unwrap();
     // Nodes 1..=3 of each row, from the lowest row (90 ..) up.
     assert_eq!(map.heights().values(), [91., 92., 93., 81., 82., 83., 71., 72., 73.]);
     assert_eq!(map.grid().origin, Point2::new(103.0, 181.0));
 
     let center = CropCenter::Fraction(Point2::new(1.0, 1.0));
     let crop = Some(Crop { center, width_m: 2.0 });
-    let corner = geotiff::read(&bytes, &ReadOptions { crop, max_nodes: 9 });
+    let corner =
+        geotiff::read(&bytes, &ReadOptions { crop, max_nodes: 9, ..ReadOptions::default() });
     assert!(matches!(corner, Err(TerrainError::CropTooSmall { nx: 1, ny: 1, .. })), "{corner:?}");
 
-    let whole = geotiff::read(&bytes, &ReadOptions { crop: None, max_nodes: 99 });
+    let whole = geotiff::read(&bytes, &ReadOptions { max_nodes: 99, ..ReadOptions::default() });
     assert_eq!(whole.unwrap_err(), TerrainError::TooManyNodes { n_nodes: 100, max_nodes: 99 });
 }
 
@@ -176,7 +178,7 @@ fn written_layers_come_back_with_their_names_and_places() {
     let first = Raster::from_fn(grid, |ix, iy| (ix as f32).sin() * iy as f32);
     let second = Raster::from_fn(grid, |ix, iy| if ix == iy { f32::NAN } else { ix as f32 });
     let bytes =
-        geotiff::write_layers(&grid, &[("height_m", &first), ("a < b & c", &second)]).unwrap();
+        geotiff::write_layers(&grid, &[("height_m", &first), ("sigma_m", &second)]).unwrap();
     let file = GeoTiffFile::from_bytes(bytes.clone()).unwrap();
     assert_eq!((file.band_count(), file.width(), file.height()), (2, 150, 131));
     // The center of the upper left pixel is the last row's first node.
@@ -194,7 +196,7 @@ fn written_layers_come_back_with_their_names_and_places() {
     }
     let metadata = file.tiff().ifd(0).unwrap().tag(42112).unwrap().value.as_str().unwrap();
     assert!(metadata.contains("sample=\"0\" role=\"description\">height_m<"), "{metadata}");
-    assert!(metadata.contains("sample=\"1\" role=\"description\">a &lt; b &amp; c<"));
+    assert!(metadata.contains("sample=\"1\" role=\"description\">sigma_m<"));
     let bands = geotiff::read(&bytes, &ReadOptions::default()).unwrap_err();
     assert_eq!(bands, TerrainError::TiffBands { n_bands: 2 });
 }
@@ -215,7 +217,9 @@ fn a_written_height_layer_is_read_as_the_same_map() {
 fn layers_of_another_grid_or_none_at_all_are_not_written() {
     let grid = Grid { origin: Point2::origin(), resolution: 1.0, nx: 3, ny: 3 };
     let other = Raster::from_fn(Grid { nx: 4, ..grid }, |_, _| 0.0);
-    for layers in [&[][..], &[("a", &other)]] {
+    let own = Raster::from_fn(grid, |_, _| 0.0);
+    // GDAL cuts such a name off, however it is escaped.
+    for layers in [&[][..], &[("a", &other)], &[("a < b & c", &own)]] {
         let refused = geotiff::write_layers(&grid, layers);
         assert!(matches!(refused, Err(TerrainError::TiffWrite { .. })), "{refused:?}");
     }
@@ -223,10 +227,10 @@ fn layers_of_another_grid_or_none_at_all_are_not_written() {
 
 #[test]
 fn other_files_are_refused_with_the_names_of_those_that_are_read() {
-    for name in ["dem.img", "tif", "", "dem.tif.zip"] {
+    for name in ["dem.xyz", "tif", "", "dem.tif.zip"] {
         let refused = read_named(name, b"", &ReadOptions::default()).unwrap_err();
         assert_eq!(refused, TerrainError::UnknownFormat { file_name: name.into() });
-        assert!(refused.to_string().contains(".tif, .tiff or .off"));
+        assert!(refused.to_string().contains("use .tif, .img, .lbl, .off, .obj, .ply or .png"));
     }
 }
 
@@ -240,7 +244,12 @@ fn an_off_crop_is_in_meters_from_its_corner() {
     }
     let center = CropCenter::Meters(Point2::new(1.0, 2.0));
     let crop = Some(Crop { center, width_m: 2.0 });
-    let map = read_named("a.off", text.as_bytes(), &ReadOptions { crop, max_nodes: 99 }).unwrap();
+    let map = read_named(
+        "a.off",
+        text.as_bytes(),
+        &ReadOptions { crop, max_nodes: 99, ..ReadOptions::default() },
+    )
+    .unwrap();
     assert_eq!(map.grid().origin, Point2::new(7.0, 8.0));
     assert_eq!(map.heights().values(), [5., 6., 7., 10., 11., 12., 15., 16., 17.]);
     assert!(off::read(text.as_bytes(), 24).is_err());

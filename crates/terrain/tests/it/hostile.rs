@@ -6,6 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use terrain::formats::{ReadOptions, geotiff, off};
 use terrain::{ElevationMap, TerrainError};
 
+use crate::damage::{damaged, rounds};
 use crate::tiff::Tiff;
 
 const MAX: usize = 1_000_000;
@@ -106,23 +107,12 @@ fn damaged_meshes_give_a_map_or_an_error() {
     let pieces =
         ["nan", "1e308", "-1", "18446744073709551615", "#", "OFF", "\n", " ", "3 0 0 0", "1e-320"];
     let mut n_good = 0;
-    for _ in 0..6000 {
-        let mut bytes = ROWS.as_bytes().to_vec();
-        for _ in 0..rng.random_range(1..6) {
-            let at = rng.random_range(0..bytes.len().max(1));
-            match rng.random_range(0..4) {
-                0 => bytes[at] = rng.next_u32() as u8,
-                1 => drop(bytes.remove(at)),
-                2 => bytes.truncate(at.max(20)),
-                _ => {
-                    let piece = pieces[rng.random_range(0..pieces.len())];
-                    drop(bytes.splice(at..at, piece.bytes()));
-                }
-            }
-        }
+    let n = rounds(6000);
+    for _ in 0..n {
+        let bytes = damaged(&mut rng, ROWS.as_bytes(), usize::MAX, &pieces);
         n_good += usize::from(off::read(&bytes, MAX).is_ok());
     }
-    assert!(n_good < 3000, "most damage is seen: {n_good} of 6000 read");
+    assert!(2 * n_good < n, "most damage is seen: {n_good} of {n} read");
 }
 
 #[test]
@@ -142,7 +132,7 @@ fn damaged_geotiffs_give_a_map_or_an_error() {
     assert!(geotiff::read(&good, &ReadOptions::default()).is_ok());
     let options = ReadOptions { max_nodes: MAX, ..ReadOptions::default() };
     let tags_at = 8 + 4 * rows.len();
-    for i in 0..3000 {
+    for i in 0..rounds(3000) {
         let mut bytes = good.clone();
         for _ in 0..rng.random_range(1..4) {
             // Two of three hits go to the tags, where damage matters.

@@ -1,11 +1,19 @@
 //! Tests of the crate as its users see it.
 #![allow(clippy::unwrap_used)]
 
+mod damage;
 mod formats;
+mod fusion;
+mod gdal;
 mod hostile;
+mod images;
+mod large;
 mod map;
+mod meshes;
+mod pairs;
 mod properties;
 mod real_files;
 mod synthetic;
 mod tiff;
 mod traversability;
+mod update;

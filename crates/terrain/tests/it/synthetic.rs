@@ -44,6 +44,31 @@ fn slopes_at_one_meter_are_those_of_the_recipe() {
 }
 
 #[test]
+fn slopes_at_one_meter_are_distributed_as_those_of_a_gaussian_relief() {
+    let (degrees, cells) = (6.0, 20);
+    let sigma = f64::to_radians(degrees).tan();
+    let mut slopes = Vec::new();
+    for seed in 0..8 {
+        let map = generate(&relief(0.7, degrees), 100 + seed).unwrap();
+        assert_eq!(map.grid().resolution, 0.05);
+        for iy in 0..map.grid().ny {
+            for ix in 0..map.grid().nx - cells {
+                let rise = map.heights().at(ix + cells, iy) - map.heights().at(ix, iy);
+                slopes.push(f64::from(rise).abs());
+            }
+        }
+    }
+    // Shares of a normal distribution within so many standard deviations (Abramowitz & Stegun, table 26.1).
+    for (deviations, share) in
+        [(0.5, 0.382_925), (1.0, 0.682_689), (1.5, 0.866_386), (2.0, 0.954_500)]
+    {
+        let n = slopes.iter().filter(|s| **s <= deviations * sigma).count();
+        let found = n as f64 / slopes.len() as f64;
+        assert!((found / share - 1.0).abs() < 0.1, "{found} within {deviations}, not {share}");
+    }
+}
+
+#[test]
 fn relief_scales_with_its_hurst_exponent() {
     for hurst in [0.4, 0.55, 0.7] {
         let slopes: Vec<f64> = (0..6)

@@ -36,6 +36,10 @@ const PACKAGES: &[&str] = &[
     "server",
 ];
 
+/// The one exception: the JSON that tells what the values of a PNG of heights mean is read where the PNG
+/// is, in a private type.
+const ALLOWED: &[(&str, &str)] = &[("terrain", "serde_json")];
+
 /// What does not stand in the code of the domain.
 const WORDS: &[&str] = &[
     "std::fs",
@@ -63,7 +67,9 @@ const WORDS: &[&str] = &[
 fn the_domain_has_no_clock_no_files_and_no_chance() {
     for (name, folder) in crates().into_iter().filter(|(name, _)| DOMAIN.contains(&name.as_str())) {
         for package in packages(&manifest(&folder), "dependencies") {
-            assert!(!PACKAGES.contains(&package.as_str()), "{name} imports {package}");
+            let is_allowed = ALLOWED.contains(&(name.as_str(), package.as_str()));
+            let is_absent = !PACKAGES.contains(&package.as_str());
+            assert!(is_absent || is_allowed, "{name} imports {package}");
         }
         for source in sources(&folder.join("src")) {
             for (number, line) in &source.code {

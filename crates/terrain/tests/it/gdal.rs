@@ -1,0 +1,136 @@
+//! What we write and read, held against GDAL where it is installed.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use geometry::{Grid, Raster};
+use nalgebra::Point2;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use terrain::formats::{geotiff, pds3};
+use testkit::{is_installed, shared_data_path};
+
+/// A folder of this test's own.
+fn folder(name: &str) -> PathBuf {
+    let path = std::env::temp_dir().join(format!("footfall-gdal-{name}-{}", std::process::id()));
+    std::fs::create_dir_all(&path).unwrap();
+    path
+}
+
+fn run(program: &str, arguments: &[&str]) -> String {
+    let output = Command::new(program).args(arguments).output().unwrap();
+    assert!(output.status.success(), "{program}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// A band as GDAL reads it, converted to 64-bit floats, line by line from the top.
+fn gdal_band(file: &Path, band: usize, folder: &Path) -> Vec<f64> {
+    let raw = folder.join(format!("band{band}.raw"));
+    let (file, out) = (file.to_str().unwrap(), raw.to_str().unwrap());
+    let band = band.to_string();
+    run("gdal_translate", &["-q", "-of", "ENVI", "-ot", "Float64", "-b", &band, file, out]);
+    let bytes = std::fs::read(raw).unwrap();
+    bytes.chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().unwrap())).collect()
+}
+
+#[test]
+fn gdal_reads_our_layers_value_for_value_as_a_cloud_optimized_file() {
+    if !is_installed("gdal_reads_our_layers", "gdalinfo") {
+        return;
+    }
+    let folder = folder("layers");
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    for (nx, ny) in [(700, 530), (256, 256), (3, 2), (257, 90)] {
+        let grid = Grid { origin: Point2::new(-3.5, 12.25), resolution: 0.05, nx, ny };
+        let mut layer = || {
+            Raster::from_fn(grid, |_, _| {
+                if rng.random::<f64>() < 0.1 {
+                    f32::NAN
+                } else {
+                    100.0 * rng.random::<f32>() - 50.0
+                }
+            })
+        };
+        let (heights, sigma) = (layer(), layer());
+        let class = Raster::from_fn(grid, |ix, iy| ((ix / 7 + iy / 5) % 4) as f32);
+        let layers = [("height_m", &heights), ("sigma of height, m²", &sigma), ("class", &class)];
+        let file = folder.join("layers.tif");
+        std::fs::write(&file, geotiff::write_layers(&grid, &layers).unwrap()).unwrap();
+        let info = run("gdalinfo", &["-json", file.to_str().unwrap()]);
+        let info: serde_json::Value = serde_json::from_str(&info).unwrap();
+        assert_eq!(info["metadata"]["IMAGE_STRUCTURE"]["LAYOUT"], "COG", "{info}");
+        let transform = info["geoTransform"].as_array().unwrap();
+        let expected = [-3.525, 0.05, 0.0, 12.25 + 0.05 * (ny as f64 - 0.5), 0.0, -0.05];
+        for (found, expected) in transform.iter().zip(expected) {
+            assert!((found.as_f64().unwrap() - expected).abs() < 1e-9, "{transform:?}");
+        }
+        for (k, (name, layer)) in layers.iter().enumerate() {
+            let band = &info["bands"][k];
+            assert_eq!(band["description"], *name);
+            let n_overviews = band["overviews"].as_array().map_or(0, Vec::len);
+            let halvings = (nx.max(ny) as f64 / 256.0).log2().ceil().max(0.0) as usize;
+            assert_eq!(n_overviews, halvings, "{nx} x {ny}");
+            let found = gdal_band(&file, k + 1, &folder);
+            let north_up = layer.values().chunks_exact(nx).rev().flatten();
+            for (a, b) in found.iter().zip(north_up) {
+                assert!(*a == f64::from(*b) || (a.is_nan() && b.is_nan()), "{a}, written {b}");
+            }
+        }
+    }
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn pds3_samples_are_those_that_gdal_reads() {
+    if !is_installed("pds3_samples", "gdal_translate") {
+        return;
+    }
+    let folder = folder("pds3");
+    let samples = ["pds3_1band.IMG", "pds3_1band_float.IMG", "pds3_3bands.IMG"];
+    for name in samples {
+        let Some(path) = shared_data_path("pds3", &format!("pds3_samples/{name}")) else { return };
+        let bytes = std::fs::read(&path).unwrap();
+        let mut source = bytes.as_slice();
+        let image = pds3::read_label(&mut source).unwrap();
+        for band in 0..image.bands {
+            let ours = image.samples(&mut source, band, 0..image.ny, 0..image.nx).unwrap();
+            assert_eq!(ours, gdal_band(&path, band + 1, &folder), "{name}, band {band}");
+        }
+    }
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn a_pds3_map_lies_where_gdal_puts_it() {
+    if !is_installed("pds3_map", "gdalinfo") {
+        return;
+    }
+    let folder = folder("pds3map");
+    let label = "PDS_VERSION_ID = PDS3\r\nRECORD_TYPE = FIXED_LENGTH\r\nRECORD_BYTES = 512\r\n\
+        FILE_RECORDS = 4\r\nLABEL_RECORDS = 3\r\n^IMAGE = 4\r\nOBJECT = IMAGE\r\nLINES = 5\r\n\
+        LINE_SAMPLES = 6\r\nSAMPLE_TYPE = PC_REAL\r\nSAMPLE_BITS = 32\r\nEND_OBJECT = IMAGE\r\n\
+        OBJECT = IMAGE_MAP_PROJECTION\r\nMAP_PROJECTION_TYPE = \"EQUIRECTANGULAR\"\r\n\
+        A_AXIS_RADIUS = 1737.4 <KM>\r\nB_AXIS_RADIUS = 1737.4 <KM>\r\nC_AXIS_RADIUS = 1737.4 <KM>\r\n\
+        CENTER_LATITUDE = 0.0 <DEG>\r\nCENTER_LONGITUDE = 0.0 <DEG>\r\nMAP_SCALE = 2.0 <METERS/PIXEL>\r\n\
+        LINE_PROJECTION_OFFSET = 100.0 <PIXEL>\r\nSAMPLE_PROJECTION_OFFSET = -30.0 <PIXEL>\r\n\
+        END_OBJECT = IMAGE_MAP_PROJECTION\r\nEND\r\n";
+    let mut bytes = label.as_bytes().to_vec();
+    bytes.resize(3 * 512, b' ');
+    bytes.extend((0..30).flat_map(|i| (i as f32).to_le_bytes()));
+    bytes.resize(4 * 512, 0);
+    let file = folder.join("map.img");
+    std::fs::write(&file, &bytes).unwrap();
+    let info = run("gdalinfo", &["-json", file.to_str().unwrap()]);
+    let info: serde_json::Value = serde_json::from_str(&info).unwrap();
+    let corner: Vec<f64> =
+        info["geoTransform"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
+    let mut source = bytes.as_slice();
+    let image = pds3::read_label(&mut source).unwrap();
+    let map = pds3::read(&image, &mut source, &Default::default()).unwrap();
+    let upper_left = map.grid().position(0, 4);
+    assert_eq!(corner[1], map.grid().resolution);
+    // GDAL tells the pixel's corner, we its center.
+    assert!((corner[0] + 1.0 - upper_left.x).abs() < 1e-9, "{corner:?}, {upper_left}");
+    assert!((corner[3] - 1.0 - upper_left.y).abs() < 1e-9, "{corner:?}, {upper_left}");
+    std::fs::remove_dir_all(folder).unwrap();
+}
