@@ -62,6 +62,8 @@ pub struct LightTimes {
     pub up_s: f64,
     /// One way down (s).
     pub down_s: f64,
+    /// How much longer the way up and down may take in all (s): jitter.
+    pub spread_s: f64,
 }
 
 /// Why a command operation was refused. Nothing has changed then.

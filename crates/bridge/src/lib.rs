@@ -3,13 +3,14 @@
 //!
 //! ```text
 //!            ┌──────────────────────────── Ground ─────────────────────────────┐
-//! server ──▶ │ CommandBook ──▶ Recorder ──synced──▶ DelayLine up   ──▶ adapter │ ──▶ rover
-//! stream ◀── │ Bus ◀── Recorder ◀── derived channels ◀── DelayLine down ◀──    │ ◀──
+//! server ──▶ │ CommandBook ──▶ Recorder ──synced──▶ Direction up   ──▶ adapter │ ──▶ rover
+//! stream ◀── │ Bus ◀── Recorder ◀── derived channels ◀── Direction down ◀──    │ ◀──
 //!            └─────────────────────────────────────────────────────────────────┘
 //! Replay ◀── log file                    (no way from here to the uplink, by type)
 //! ```
 //!
-//! - [`link`]: one [`link::DelayLine`] per direction, a pure queue that takes the time as argument.
+//! - [`link`]: one [`link::Direction`] per direction, a pure queue of events that takes the time as
+//!   argument.
 //! - [`commands`]: [`commands::CommandBook`], whose state is a fold of its events.
 //! - [`recorder`]: one thread that owns the log file; what is acknowledged is on the disk.
 //! - [`reader`], [`catalog`]: reading any MCAP file, also a hostile one, within stated limits.

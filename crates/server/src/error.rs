@@ -5,7 +5,7 @@ use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use bridge::commands::{CommandError, EstopError};
 use bridge::ground::RoverBusy;
-use bridge::link::BadDelay;
+use bridge::link::LinkError;
 use bridge::reader::ReadError;
 use bridge::replay::ReplayError;
 use wire::check::RequestError;
@@ -173,8 +173,8 @@ impl From<ReadError> for ApiError {
     }
 }
 
-impl From<BadDelay> for ApiError {
-    fn from(error: BadDelay) -> ApiError {
+impl From<LinkError> for ApiError {
+    fn from(error: LinkError) -> ApiError {
         let mut answer = ApiError::new("out_of_range", error.to_string());
         answer.0.details = serde_json::json!({ "field": error.field });
         answer

@@ -265,7 +265,7 @@ fn live(
     let derive = derive_for(robot.clone(), Site { gravity, friction });
     let adapter = Box::new(SimAdapter::new(now, rover));
     let mut ground =
-        Ground::new(now, adapter, config.link, recorder, Bus::new(BUS_CAPACITY), derive)
+        Ground::new(now, adapter, config.link.clone(), recorder, Bus::new(BUS_CAPACITY), derive)
             .map_err(|error| RequestError::new("out_of_range", error.to_string()))?;
     let notice = TerrainNotice {
         version: version_name(map),

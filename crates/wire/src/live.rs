@@ -9,6 +9,10 @@ use crate::analysis::StabilityPreference;
 use crate::scene::{Pose, RoverState};
 use crate::time::Timestamp;
 
+mod link;
+
+pub use link::*;
+
 /// Names of the channels. The same names serve stream, log and replay.
 pub mod channel {
     /// [`super::RoverTelemetry`], 10 Hz.
@@ -478,35 +482,11 @@ fn is_false(value: &bool) -> bool {
     !value
 }
 
-/// Delays of the link, changeable while it runs.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct LinkConfig {
-    /// One-way delay of commands (s), 0 to 1800.
-    pub up_delay_s: f64,
-    /// One-way delay of telemetry (s), 0 to 1800.
-    pub down_delay_s: f64,
-}
-
-/// Counters of one direction; sent = delivered + dropped + in flight, always.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct LinkCounters {
-    /// Messages handed to the link.
-    pub sent: u64,
-    /// Messages that arrived.
-    pub delivered: u64,
-    /// Messages dropped because the queue was full.
-    pub dropped: u64,
-    /// Messages under way.
-    pub in_flight: u64,
-}
-
 /// The link as it is.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LinkReport {
-    /// Its delays.
+    /// Its model.
     pub config: LinkConfig,
     /// Commands.
     pub up: LinkCounters,

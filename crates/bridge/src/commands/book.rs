@@ -40,6 +40,8 @@ struct Entry {
     basis_tolerance_rad: f64,
     /// As `record.overdue_after`, and later where telemetry has granted more.
     deadline: Option<Timestamp>,
+    /// The link has transmitted it: from then on a word is waited for.
+    transmitted: bool,
 }
 
 impl CommandBook {
@@ -86,6 +88,7 @@ impl CommandBook {
             basis_joints_rad: command.basis_joints_rad,
             basis_tolerance_rad: command.basis_tolerance_rad,
             deadline: None,
+            transmitted: false,
         };
         self.entries.insert(self.next_order, entry);
         self.order_of.insert(id, self.next_order);
@@ -163,7 +166,7 @@ impl CommandBook {
             entry.record.sent = Some(now);
             entry.record.arrives = Some(arrives);
             entry.record.earliest_ack = Some(earliest_ack);
-            entry.expect_word_by(earliest_ack.plus_seconds(ACK_SLACK_S));
+            entry.expect_word_by(earliest_ack.plus_seconds(ACK_SLACK_S + light.spread_s));
         })?;
         let entry = &self.entries[&self.order_of[id]];
         let uplink = Uplink::Command {
@@ -173,6 +176,23 @@ impl CommandBook {
             basis_tolerance_rad: entry.basis_tolerance_rad,
         };
         Ok((record, uplink))
+    }
+
+    /// The link has transmitted a sent command at `now`; it arrives at `arrives` at the earliest. What
+    /// was promised when it was sent is corrected where the command had to wait.
+    pub fn transmitted(&mut self, now: Timestamp, id: &str, arrives: Timestamp, light: LightTimes) {
+        let Some(entry) = self.entry_mut(id) else { return };
+        let as_promised = entry.record.arrives == Some(arrives);
+        entry.transmitted = true;
+        if as_promised || entry.record.state != CommandState::Sent {
+            return;
+        }
+        let _ = self.transition(now, id, SERVER, Some("transmitted"), |entry| {
+            let earliest_ack = arrives.plus_seconds(light.down_s);
+            entry.record.arrives = Some(arrives);
+            entry.record.earliest_ack = Some(earliest_ack);
+            entry.expect_word_by(earliest_ack.plus_seconds(ACK_SLACK_S + light.spread_s));
+        });
     }
 
     /// Takes a command back that was not sent yet.
@@ -267,7 +287,7 @@ impl CommandBook {
         }
         let overdue = self.ids(|e| {
             let waits = is_outstanding(e.record.state) && e.record.state != CommandState::Overdue;
-            waits && e.deadline.is_some_and(|t| now > t)
+            waits && e.transmitted && e.deadline.is_some_and(|t| now > t)
         });
         for id in overdue {
             let why = "no word from the rover when there should have been one; outcome unknown";
@@ -283,7 +303,7 @@ impl CommandBook {
         let waits = |e: &Entry| match e.record.state {
             CommandState::Armed => e.record.armed_until,
             CommandState::Overdue => None,
-            state if is_outstanding(state) => e.deadline,
+            state if is_outstanding(state) && e.transmitted => e.deadline,
             _ => None,
         };
         self.entries.values().filter_map(waits).min()
@@ -400,6 +420,7 @@ impl CommandBook {
     fn move_on(&mut self, now: Timestamp, id: &str, state: CommandState, detail: Option<&str>) {
         let _ = self.transition(now, id, ROVER, detail, |entry| {
             entry.record.state = state;
+            entry.transmitted = true;
             entry.record.why = None;
             let motion_s = entry.record.duration_s * MOTION_STRETCH + MOTION_SLACK_S;
             let from = entry.record.earliest_ack.map_or(now, |ack| ack.max(now));

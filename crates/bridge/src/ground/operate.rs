@@ -2,15 +2,16 @@
 
 use tokio::sync::oneshot;
 use wire::live::{
-    CommandRecord, CommandState, EstopState, EventLevel, LinkConfig, LinkReport, Uplink, channel,
+    CommandRecord, CommandState, DirectionModel, EstopState, EventLevel, LinkClass, LinkConfig,
+    LinkReport, Uplink, channel,
 };
 use wire::resources::EstopAnswer;
 use wire::time::Timestamp;
 
-use super::{Ground, Logged, Pending, Release, RoverBusy, check_link, log_error};
+use super::{Ground, Logged, Pending, Release, RoverBusy, log_error, size};
 use crate::adapter::RoverAdapter;
-use crate::commands::{CommandError, EstopError, LightTimes, StageCommand, is_outstanding};
-use crate::link::{BadDelay, Priority};
+use crate::commands::{CommandError, EstopError, StageCommand, is_outstanding};
+use crate::link::{self, LinkError, Settings};
 use crate::recorder::Written;
 
 impl Ground {
@@ -47,7 +48,7 @@ impl Ground {
         let now = self.tick(now);
         self.no_estop()?;
         self.log_must_be_well()?;
-        let light = LightTimes { up_s: self.up.delay_s(), down_s: self.down.delay_s() };
+        let light = self.light_times(now);
         let outcome = self.book.send(now, id, who, light);
         let uplink = match outcome {
             Ok((_, uplink)) => uplink,
@@ -100,15 +101,15 @@ impl Ground {
     /// then everything else happens.
     pub fn estop(&mut self, now: Timestamp, who: &str) -> EstopAnswer {
         let now = self.tick(now);
-        let takes_effect = now.plus_seconds(self.up.delay_s());
+        let takes_effect = now.plus_seconds(self.up.settings().light_s(now));
         let release_under_way = self.estop.state() == EstopState::ReleaseSent;
         let uplink = Uplink::Estop { id: self.estop.stop(now, takes_effect) };
-        if let Err(full) = self.up.offer(now, Priority::Urgent, uplink.clone()) {
+        if let Err(full) = self.offer_up(now, LinkClass::Estop, uplink.clone()) {
             tracing::warn!("an E-stop more was not sent: {full}, all of them E-stops");
         }
         if release_under_way {
             // It may overtake the release; then this second one, behind the release, stops again.
-            let behind = self.up.offer(now, Priority::Normal, uplink.clone());
+            let behind = self.offer_up(now, LinkClass::Command, uplink.clone());
             tracing::debug!("second E-stop behind the release: {behind:?}");
         }
         self.wake.notify_one();
@@ -135,13 +136,13 @@ impl Ground {
         token: Option<&str>,
     ) -> Result<EstopAnswer, EstopError> {
         let now = self.tick(now);
-        let takes_effect = now.plus_seconds(self.up.delay_s());
+        let takes_effect = now.plus_seconds(self.up.settings().light_s(now));
         let Some(token) = token else {
             let token = Some(self.estop.ask_release(now)?);
             return Ok(EstopAnswer { state: self.estop.state(), takes_effect, token });
         };
         let uplink = Uplink::EstopRelease { id: self.estop.release(now, token, takes_effect)? };
-        if self.up.offer(now, Priority::Normal, uplink.clone()).is_err() {
+        if self.offer_up(now, LinkClass::Command, uplink.clone()).is_err() {
             self.estop.take_back_release();
             return Err(EstopError::QueueFull);
         }
@@ -152,24 +153,40 @@ impl Ground {
         Ok(EstopAnswer { state: self.estop.state(), takes_effect, token: None })
     }
 
-    /// Changes the delays of what is sent from now on.
+    /// Changes the link for what is transmitted from now on. A direction that `link` leaves out stays
+    /// as it is, apart from its light time.
     pub fn set_link(
         &mut self,
         now: Timestamp,
         who: &str,
         link: LinkConfig,
-    ) -> Result<LinkReport, BadDelay> {
-        check_link(link)?;
+    ) -> Result<LinkReport, LinkError> {
+        let kept = |model: Option<DirectionModel>, present: &Settings| {
+            let fixed = || DirectionModel { light_times: Vec::new(), ..present.model().clone() };
+            Some(model.unwrap_or_else(fixed))
+        };
+        let link = LinkConfig {
+            up: kept(link.up, self.up.settings()),
+            down: kept(link.down, self.down.settings()),
+            ..link
+        };
+        let [up, down] = link::check(&link)?;
         let now = self.tick(now);
-        let grown_s = link.down_delay_s - self.down.delay_s();
-        self.up.set_delay(now, link.up_delay_s)?;
-        self.down.set_delay(now, link.down_delay_s)?;
+        let before = self.light_times(now);
+        self.up.set(now, up);
+        self.down.set(now, down);
+        let after = self.light_times(now);
+        let grown_s = after.down_s + after.spread_s - before.down_s - before.spread_s;
         if grown_s > 0.0 {
             self.book.allow_longer(now, who, grown_s);
             self.publish_events();
         }
-        let LinkConfig { up_delay_s, down_delay_s } = link;
-        let text = format!("link delay set to {up_delay_s} s up, {down_delay_s} s down");
+        let mut text = format!("link delay set to {} s up, {} s down", after.up_s, after.down_s);
+        for (name, direction) in [("up", self.up.settings()), ("down", self.down.settings())] {
+            if direction.beyond_delay().is_some() {
+                text += &format!("; a model beyond delay {name}");
+            }
+        }
         self.notice(now, EventLevel::Info, who, &text);
         self.report_link();
         self.wake.notify_one();
@@ -229,12 +246,25 @@ impl Ground {
         if let Err(error) = logged {
             return Err(self.not_sent(now, id, CommandState::Failed, error));
         }
-        if self.up.offer(now, Priority::Normal, uplink).is_err() {
+        if self.offer_up(now, LinkClass::Command, uplink).is_err() {
             let error = CommandError::QueueFull { what: "the link is" };
             return Err(self.not_sent(now, id, CommandState::Failed, error));
         }
         let unknown = || CommandError::Unknown { id: id.into() };
         self.book.get(id).cloned().ok_or_else(unknown)
+    }
+
+    /// The one way to the transmitter.
+    fn offer_up(
+        &mut self,
+        now: Timestamp,
+        class: LinkClass,
+        uplink: Uplink,
+    ) -> Result<(), link::QueueFull> {
+        let bytes = size::of_uplink(&uplink);
+        self.up.offer(now, class, bytes, uplink)?;
+        self.hear_of_uplinks();
+        Ok(())
     }
 
     fn release_later(&mut self, id: &str, uplink: Uplink, written: Written) -> Release {

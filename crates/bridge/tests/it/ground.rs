@@ -18,7 +18,7 @@ use wire::time::Timestamp;
 use crate::recorder::options;
 use crate::support::{FakeRover, FaultyDisk, Received, START, after, motion, uuid};
 
-const MOON: LinkConfig = LinkConfig { up_delay_s: 1.3, down_delay_s: 1.3 };
+const MOON: LinkConfig = LinkConfig::delays(1.3, 1.3);
 
 struct Session {
     ground: Ground,
@@ -147,7 +147,7 @@ fn a_command_and_its_answers_keep_the_light_times() {
 
 #[test]
 fn telemetry_comes_one_light_time_late_with_what_is_derived_from_it() {
-    let mut session = Session::new(LinkConfig { up_delay_s: 0.0, down_delay_s: 5.0 });
+    let mut session = Session::new(LinkConfig::delays(0.0, 5.0));
     session.go_to(20.0);
     let heard = session.heard();
     let frames: Vec<_> = heard.iter().filter(|m| &*m.channel == channel::ROVER_STATE).collect();

@@ -23,6 +23,11 @@ pub fn after(seconds: f64) -> Timestamp {
     START.plus_seconds(seconds)
 }
 
+/// How many cases of a property to look at: all with `FOOTFALL_FULL=1`, else a tenth of them.
+pub fn cases(full: u64) -> u64 {
+    if std::env::var_os("FOOTFALL_FULL").is_some() { full } else { full / 10 }
+}
+
 /// A folder of its own, gone when the test ends.
 pub struct TempDir(PathBuf);
 
