@@ -17,15 +17,15 @@ use std::sync::Arc;
 use serde::Serialize;
 use tokio::sync::{Notify, oneshot};
 use wire::live::{
-    CommandRecord, CommandState, Downlink, EventLevel, EventNotice, LinkClass, LinkConfig,
-    LinkReport, RoverTelemetry, StabilityDerived, Uplink, channel,
+    CommandEvent, CommandRecord, CommandState, Downlink, EventLevel, EventNotice, LinkClass,
+    LinkConfig, LinkReport, RoverTelemetry, StabilityDerived, Uplink, channel,
 };
 use wire::resources::LatestFrame;
 use wire::time::Timestamp;
 
 use crate::adapter::RoverAdapter;
 use crate::bus::{Bus, ChannelMessage};
-use crate::commands::{CommandBook, CommandError, Estop, LightTimes};
+use crate::commands::{Authority, AuthorityRules, CommandBook, CommandError, Estop, LightTimes};
 use crate::link::{self, Delivered, Direction, DropCause, LinkError, Notice};
 use crate::recorder::{Record, Recorder, RecorderError, RecorderStatus, Written};
 
@@ -49,6 +49,10 @@ pub struct Ground {
     down: Direction<(Timestamp, Downlink)>,
     book: CommandBook,
     estop: Estop,
+    authority: Authority,
+    /// Time between heartbeats (s); none where absent.
+    heartbeat_s: Option<f64>,
+    heartbeat: Timestamp,
     recorder: Recorder,
     bus: Bus,
     derive: Derive,
@@ -151,6 +155,9 @@ impl Ground {
             down: Direction::new(down, DOWNLINK_MAX),
             book: CommandBook::default(),
             estop: Estop::default(),
+            authority: Authority::new(now, AuthorityRules::default(), 0),
+            heartbeat_s: None,
+            heartbeat: now,
             recorder,
             bus,
             derive,
@@ -165,10 +172,34 @@ impl Ground {
         })
     }
 
+    /// How authority is given, and how often the rover is told that the ground is there (s).
+    pub fn configure(&mut self, rules: AuthorityRules, heartbeat_s: Option<f64>) {
+        self.authority = Authority::new(self.now, rules, self.authority.report(self.now).epoch);
+        self.heartbeat_s = heartbeat_s;
+    }
+
+    /// Takes over the commands of an earlier session from its events in order, see
+    /// [`CommandBook::restore`]; gives how many have an unknown outcome. To be called first.
+    pub fn restore(
+        &mut self,
+        now: Timestamp,
+        events: impl IntoIterator<Item = CommandEvent>,
+    ) -> usize {
+        let now = self.tick(now);
+        self.book = CommandBook::restore(now, events);
+        let last = self.book.records().filter_map(|record| record.epoch).max().unwrap_or(0);
+        let last = last.max(self.authority.report(now).epoch);
+        self.authority = Authority::new(now, self.authority.rules(), last);
+        self.publish_events();
+        self.book.records().filter(|record| record.state == CommandState::Overdue).count()
+    }
+
     /// Goes on to `now`: what has arrived is handled at the instant of its arrival, in order.
     pub fn step(&mut self, now: Timestamp) {
         let now = self.tick(now);
         self.release_written(now);
+        self.repeat_estop(now);
+        self.beat(now);
         for arrived in self.up.take_due(now) {
             self.listen(arrived.arrived);
             self.adapter.uplink(arrived.arrived, arrived.item);
@@ -220,6 +251,7 @@ impl Ground {
             up: self.up.counters(),
             down: self.down.counters(),
             estop: self.estop.state(),
+            authority: self.authority.report(self.now),
         }
     }
 
@@ -292,6 +324,33 @@ impl Ground {
                 }
                 _ => {}
             }
+        }
+    }
+
+    /// Sends an E-stop again that the rover has given no word on.
+    fn repeat_estop(&mut self, now: Timestamp) {
+        let light = self.light_times(now);
+        let word_s = light.up_s + light.down_s + light.spread_s;
+        let Some(id) = self.estop.repeat(now, word_s) else { return };
+        let uplink = Uplink::Estop { id };
+        if let Err(full) = self.offer_up(now, LinkClass::Estop, uplink.clone()) {
+            tracing::warn!("an E-stop was not repeated: {full}, all of them E-stops");
+            return;
+        }
+        self.put_durable(channel::COMMAND_UPLINK, now, &uplink);
+        self.notice(
+            now,
+            EventLevel::Critical,
+            "server",
+            "E-stop sent again: no word from the rover",
+        );
+    }
+
+    fn beat(&mut self, now: Timestamp) {
+        let Some(every_s) = self.heartbeat_s.filter(|_| now >= self.heartbeat) else { return };
+        self.heartbeat = now.plus_seconds(every_s);
+        if let Err(full) = self.offer_up(now, LinkClass::Housekeeping, Uplink::Heartbeat {}) {
+            tracing::debug!("a heartbeat was not sent: {full}");
         }
     }
 

@@ -81,7 +81,8 @@ pub enum DropCause {
 /// What the link has to tell beside deliveries.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Notice<T> {
-    /// A message has left: the end of its last frame.
+    /// A message has left: the end of its last frame, or what the sending end takes for that in an
+    /// outage that loses.
     Transmitted {
         /// Its number.
         sequence: u64,
@@ -314,9 +315,11 @@ impl<T: Clone> Direction<T> {
         let waits = |class: &LinkClass| !self.queues[*class as usize].messages.is_empty();
         let Some(class) = LinkClass::ALL.into_iter().find(waits) else { return };
         if self.settings.loses(now) {
-            if let Some(message) = self.remove(class, 0) {
-                self.drop_message(message.sequence, now, DropCause::Outage, message.item);
-            }
+            let Some(Waiting { sequence, item, .. }) = self.remove(class, 0) else { return };
+            // The sending end transmits into the void and knows nothing of it.
+            let arrives = Timestamp(now.0.saturating_add(self.settings.light_ns(now)));
+            self.notice(Notice::Transmitted { sequence, item: item.clone(), at: now, arrives });
+            self.drop_message(sequence, now, DropCause::Outage, item);
             return;
         }
         let mtu = self.settings.model().mtu_bytes;

@@ -3,14 +3,15 @@
 use std::collections::{BTreeMap, HashMap};
 
 use wire::live::{
-    AckStage, CommandEvent, CommandRecord, CommandState, Executing, PlanCommandRef, Uplink,
+    AckStage, Approval, CommandEvent, CommandRecord, CommandState, Executing, PlanCommandRef,
+    Uplink, VerificationOutcome, VerificationStage,
 };
 use wire::time::Timestamp;
 
 use super::plans::PlanOrder;
 use super::{
-    ACK_SLACK_S, ARM_WINDOW_S, CommandError, LightTimes, MAX_COMMANDS, MOTION_SLACK_S,
-    MOTION_STRETCH, StageCommand, is_outstanding, is_terminal, new_id,
+    ACK_SLACK_S, APPROVAL_S, ARM_WINDOW_S, CommandError, LightTimes, MAX_COMMANDS, MOTION_SLACK_S,
+    MOTION_STRETCH, StageCommand, is_outstanding, is_terminal, new_id, stages,
 };
 
 /// Who is named where no operator asked.
@@ -38,6 +39,9 @@ struct Entry {
     after: usize,
     basis_joints_rad: BTreeMap<String, Vec<f64>>,
     basis_tolerance_rad: f64,
+    model_hash: Option<String>,
+    /// Who armed it last.
+    armed_by: Option<String>,
     /// As `record.overdue_after`, and later where telemetry has granted more.
     deadline: Option<Timestamp>,
     /// The link has transmitted it: from then on a word is waited for.
@@ -65,6 +69,8 @@ impl CommandBook {
         }
         self.may_stage(&command)?;
         self.make_room()?;
+        let needed = |content_hash| Approval { content_hash, by: None, until: None };
+        let approval = command.two_persons.then(|| needed(content_hash(&id, &command)));
         let record = CommandRecord {
             id: id.clone(),
             body: command.body,
@@ -81,12 +87,17 @@ impl CommandBook {
             duration_s,
             progress: 0.0,
             why: None,
+            verification: Vec::new(),
+            approval,
+            epoch: None,
         };
         let entry = Entry {
             record: record.clone(),
             after: command.after,
             basis_joints_rad: command.basis_joints_rad,
             basis_tolerance_rad: command.basis_tolerance_rad,
+            model_hash: command.model_hash,
+            armed_by: None,
             deadline: None,
             transmitted: false,
         };
@@ -132,22 +143,37 @@ impl CommandBook {
             self.is_next_of_plan(id, plan)?;
             self.plan_is_quiet(plan)?;
         }
+        self.is_approved(now, record)?;
         if let Some(armed) = self.armed() {
             return Err(CommandError::OtherArmed { id: id.into(), armed: armed.id.clone() });
         }
         self.transition(now, id, who, None, |entry| {
             entry.record.state = CommandState::Armed;
+            entry.armed_by = Some(who.into());
             entry.record.armed_until = Some(now.plus_seconds(ARM_WINDOW_S));
         })
     }
 
-    /// Sends an armed command: gives what is to be handed to the link.
+    /// Sends an armed command under no authority, see [`CommandBook::send_as`].
     pub fn send(
         &mut self,
         now: Timestamp,
         id: &str,
         who: &str,
         light: LightTimes,
+    ) -> Result<(CommandRecord, Uplink), CommandError> {
+        self.send_as(now, id, who, light, None)
+    }
+
+    /// Sends an armed command under the authority of that epoch: gives what is to be handed to the
+    /// link.
+    pub fn send_as(
+        &mut self,
+        now: Timestamp,
+        id: &str,
+        who: &str,
+        light: LightTimes,
+        epoch: Option<u64>,
     ) -> Result<(CommandRecord, Uplink), CommandError> {
         let record = self.known(id)?;
         if record.state != CommandState::Armed {
@@ -158,7 +184,10 @@ impl CommandBook {
             self.tick(now);
             return Err(CommandError::ArmExpired { id: id.into(), until });
         }
+        self.is_approved(now, record)?;
         let record = self.transition(now, id, who, None, |entry| {
+            entry.record.epoch = epoch;
+            stages::begin(&mut entry.record, now);
             let arrives = now.plus_seconds(light.up_s);
             let earliest_ack = arrives.plus_seconds(light.down_s);
             entry.record.state = CommandState::Sent;
@@ -174,6 +203,8 @@ impl CommandBook {
             body: record.body.clone(),
             basis_joints_rad: entry.basis_joints_rad.clone(),
             basis_tolerance_rad: entry.basis_tolerance_rad,
+            model_hash: entry.model_hash.clone(),
+            epoch,
         };
         Ok((record, uplink))
     }
@@ -182,17 +213,111 @@ impl CommandBook {
     /// was promised when it was sent is corrected where the command had to wait.
     pub fn transmitted(&mut self, now: Timestamp, id: &str, arrives: Timestamp, light: LightTimes) {
         let Some(entry) = self.entry_mut(id) else { return };
-        let as_promised = entry.record.arrives == Some(arrives);
-        entry.transmitted = true;
-        if as_promised || entry.record.state != CommandState::Sent {
+        if entry.transmitted || entry.record.state != CommandState::Sent {
             return;
         }
+        entry.transmitted = true;
         let _ = self.transition(now, id, SERVER, Some("transmitted"), |entry| {
             let earliest_ack = arrives.plus_seconds(light.down_s);
             entry.record.arrives = Some(arrives);
             entry.record.earliest_ack = Some(earliest_ack);
+            stages::pass(&mut entry.record, VerificationStage::Transmitted, now);
             entry.expect_word_by(earliest_ack.plus_seconds(ACK_SLACK_S + light.spread_s));
         });
+    }
+
+    /// Approves a command that takes two persons, for [`APPROVAL_S`]: by another than its author, who
+    /// names the content that was looked at.
+    pub fn approve(
+        &mut self,
+        now: Timestamp,
+        id: &str,
+        who: &str,
+        content_hash: &str,
+    ) -> Result<CommandRecord, CommandError> {
+        let record = self.known(id)?;
+        let id = record.id.clone();
+        if record.state != CommandState::Staged {
+            return Err(CommandError::NotStaged { id, state: record.state });
+        }
+        let Some(approval) = &record.approval else {
+            return Err(CommandError::ApprovalNotNeeded { id });
+        };
+        if record.operator == who {
+            return Err(CommandError::SelfApproval { id, who: who.into() });
+        }
+        if approval.content_hash != content_hash {
+            let content_hash = approval.content_hash.clone();
+            return Err(CommandError::ApprovalOfOther { id, content_hash });
+        }
+        self.transition(now, &id, who, Some("approved"), |entry| {
+            if let Some(approval) = &mut entry.record.approval {
+                approval.by = Some(who.into());
+                approval.until = Some(now.plus_seconds(APPROVAL_S));
+            }
+        })
+    }
+
+    /// An operator ends a command whose outcome was unknown, by what telemetry shows.
+    pub fn resolve(
+        &mut self,
+        now: Timestamp,
+        id: &str,
+        who: &str,
+        done: bool,
+        why: &str,
+    ) -> Result<CommandRecord, CommandError> {
+        let record = self.known(id)?;
+        let (id, state) = (record.id.clone(), record.state);
+        if state != CommandState::Overdue {
+            return Err(CommandError::NotOverdue { id, state });
+        }
+        let state = if done { CommandState::Done } else { CommandState::Failed };
+        self.end(now, &id, who, state, Some(why));
+        self.known(&id).cloned()
+    }
+
+    /// The commands of an earlier session, from its events in order. What was not sent has expired;
+    /// of what was sent nobody knows the outcome; nothing is sent again. Plans are not continued.
+    pub fn restore(now: Timestamp, events: impl IntoIterator<Item = CommandEvent>) -> CommandBook {
+        let mut book = CommandBook::default();
+        for CommandEvent { command: record, .. } in events {
+            let id = record.id.clone();
+            if let Some(entry) = book.entry_mut(&id) {
+                entry.record = record;
+                continue;
+            }
+            if book.make_room().is_err() {
+                // A thousand commands under way at once: the oldest is in the log only.
+                let oldest = book.entries.pop_first();
+                oldest.map(|(_, entry)| book.order_of.remove(&entry.record.id));
+            }
+            let entry = Entry {
+                record,
+                after: 0,
+                basis_joints_rad: BTreeMap::new(),
+                basis_tolerance_rad: 0.0,
+                model_hash: None,
+                armed_by: None,
+                deadline: None,
+                transmitted: true,
+            };
+            book.entries.insert(book.next_order, entry);
+            book.order_of.insert(id, book.next_order);
+            book.next_order += 1;
+        }
+        let open = |e: &Entry| matches!(e.record.state, CommandState::Staged | CommandState::Armed);
+        for id in book.ids(open) {
+            let why = "the ground was restarted; stage it anew";
+            book.end(now, &id, SERVER, CommandState::Expired, Some(why));
+        }
+        let under_way =
+            |e: &Entry| is_outstanding(e.record.state) && e.record.state != CommandState::Overdue;
+        for id in book.ids(under_way) {
+            let why = "the ground was restarted before the rover's word came; outcome unknown";
+            book.lose_track(now, &id, why);
+        }
+        book
     }
 
     /// Takes a command back that was not sent yet.
@@ -291,10 +416,7 @@ impl CommandBook {
         });
         for id in overdue {
             let why = "no word from the rover when there should have been one; outcome unknown";
-            let _ = self.transition(now, &id, SERVER, Some(why), |entry| {
-                entry.record.state = CommandState::Overdue;
-                entry.record.why = Some(why.into());
-            });
+            self.lose_track(now, &id, why);
         }
     }
 
@@ -331,6 +453,11 @@ impl CommandBook {
         for id in self.ids(|e| e.record.state == CommandState::Armed) {
             self.disarm(now, &id, who, why);
         }
+    }
+
+    /// The armed commands that another than `who` has armed.
+    pub fn armed_by_others(&self, who: &str) -> Vec<String> {
+        self.ids(|e| e.record.state == CommandState::Armed && e.armed_by.as_deref() != Some(who))
     }
 
     /// A command.
@@ -391,6 +518,24 @@ impl CommandBook {
         }
     }
 
+    /// A second person's word, where it is needed, is there and holds.
+    fn is_approved(&self, now: Timestamp, record: &CommandRecord) -> Result<(), CommandError> {
+        let Some(approval) = &record.approval else { return Ok(()) };
+        if approval.until.is_some_and(|until| until >= now) {
+            return Ok(());
+        }
+        let lapsed = approval.until.is_some();
+        Err(CommandError::ApprovalNeeded { id: record.id.clone(), lapsed })
+    }
+
+    fn lose_track(&mut self, now: Timestamp, id: &str, why: &str) {
+        let _ = self.transition(now, id, SERVER, Some(why), |entry| {
+            entry.record.state = CommandState::Overdue;
+            entry.record.why = Some(why.into());
+            stages::silent(&mut entry.record, now);
+        });
+    }
+
     fn entry_mut(&mut self, id: &str) -> Option<&mut Entry> {
         self.entries.get_mut(self.order_of.get(id)?)
     }
@@ -422,6 +567,11 @@ impl CommandBook {
             entry.record.state = state;
             entry.transmitted = true;
             entry.record.why = None;
+            let stage = match state {
+                CommandState::Received => VerificationStage::Received,
+                _ => VerificationStage::Started,
+            };
+            stages::pass(&mut entry.record, stage, now);
             let motion_s = entry.record.duration_s * MOTION_STRETCH + MOTION_SLACK_S;
             let from = entry.record.earliest_ack.map_or(now, |ack| ack.max(now));
             let by = from.plus_seconds(motion_s);
@@ -437,6 +587,18 @@ impl CommandBook {
                 if state == CommandState::Done { None } else { why.map(String::from) };
             if state == CommandState::Done {
                 entry.record.progress = 1.0;
+                stages::pass(&mut entry.record, VerificationStage::Completed, now);
+            } else if !entry.record.verification.is_empty() {
+                // The rover's word came from the stage it had reached, whatever was heard of it.
+                if who == ROVER {
+                    stages::pass(&mut entry.record, VerificationStage::Received, now);
+                }
+                let stage = stages::reached(&entry.record);
+                let outcome = match who {
+                    ROVER => VerificationOutcome::Failed,
+                    _ => VerificationOutcome::NotReached,
+                };
+                stages::end(&mut entry.record, stage, outcome, now);
             }
         });
         if let (CommandState::Done, Ok(CommandRecord { plan: Some(plan), .. })) = (state, ended) {
@@ -484,7 +646,8 @@ impl CommandBook {
         }
     }
 
-    fn disarm(&mut self, now: Timestamp, id: &str, who: &str, why: &str) {
+    /// Takes an armed command back to staged.
+    pub fn disarm(&mut self, now: Timestamp, id: &str, who: &str, why: &str) {
         let _ = self.transition(now, id, who, Some(why), |entry| {
             entry.record.state = CommandState::Staged;
             entry.record.armed_until = None;
@@ -512,6 +675,7 @@ impl Entry {
     fn expect_word_by(&mut self, deadline: Timestamp) {
         self.deadline = Some(deadline);
         self.record.overdue_after = Some(deadline);
+        stages::due(&mut self.record, VerificationStage::Transmitted, deadline);
     }
 }
 
@@ -523,6 +687,15 @@ fn event(now: Timestamp, record: &CommandRecord, who: &str, why: Option<&str>) -
         who: who.into(),
         why: why.map(String::from),
     }
+}
+
+/// What an approval is of.
+fn content_hash(id: &str, command: &StageCommand) -> String {
+    let StageCommand { body, plan, basis_joints_rad, basis_tolerance_rad, model_hash, .. } =
+        command;
+    let content = (id, body, plan, basis_joints_rad, basis_tolerance_rad, model_hash);
+    let text = serde_json::to_vec(&content).unwrap_or_default();
+    blake3::hash(&text).to_hex()[..32].to_owned()
 }
 
 fn canonical_id(given: &str) -> Result<String, CommandError> {

@@ -2,15 +2,15 @@
 
 use tokio::sync::oneshot;
 use wire::live::{
-    CommandRecord, CommandState, DirectionModel, EstopState, EventLevel, LinkClass, LinkConfig,
-    LinkReport, Uplink, channel,
+    AuthorityReport, CommandRecord, CommandState, DirectionModel, EstopState, EventLevel,
+    LinkClass, LinkConfig, LinkReport, Uplink, channel,
 };
 use wire::resources::EstopAnswer;
 use wire::time::Timestamp;
 
 use super::{Ground, Logged, Pending, Release, RoverBusy, log_error, size};
 use crate::adapter::RoverAdapter;
-use crate::commands::{CommandError, EstopError, StageCommand, is_outstanding};
+use crate::commands::{AuthorityError, CommandError, EstopError, StageCommand, is_outstanding};
 use crate::link::{self, LinkError, Settings};
 use crate::recorder::Written;
 
@@ -37,6 +37,7 @@ impl Ground {
         let now = self.tick(now);
         self.no_estop()?;
         self.log_must_be_well()?;
+        self.exercise_authority(now, who)?;
         let outcome = self.book.arm(now, id, who);
         let logged = self.logged(());
         outcome.map(|record| Logged { value: record, written: logged.written })
@@ -48,8 +49,9 @@ impl Ground {
         let now = self.tick(now);
         self.no_estop()?;
         self.log_must_be_well()?;
+        let epoch = self.exercise_authority(now, who)?;
         let light = self.light_times(now);
-        let outcome = self.book.send(now, id, who, light);
+        let outcome = self.book.send_as(now, id, who, light, Some(epoch));
         let uplink = match outcome {
             Ok((_, uplink)) => uplink,
             Err(error) => {
@@ -97,6 +99,108 @@ impl Ground {
         Ok(self.logged(record))
     }
 
+    /// Approves a command that takes two persons; see [`crate::commands::CommandBook::approve`].
+    pub fn approve(
+        &mut self,
+        now: Timestamp,
+        id: &str,
+        who: &str,
+        content_hash: &str,
+    ) -> Result<Logged<CommandRecord>, CommandError> {
+        let now = self.tick(now);
+        let record = self.book.approve(now, id, who, content_hash)?;
+        Ok(self.logged(record))
+    }
+
+    /// Ends a command whose outcome was unknown; see [`crate::commands::CommandBook::resolve`].
+    pub fn resolve(
+        &mut self,
+        now: Timestamp,
+        id: &str,
+        who: &str,
+        done: bool,
+        why: &str,
+    ) -> Result<Logged<CommandRecord>, CommandError> {
+        let now = self.tick(now);
+        let record = self.book.resolve(now, id, who, done, why)?;
+        Ok(self.logged(record))
+    }
+
+    /// Who may command.
+    pub fn authority(&self, now: Timestamp) -> AuthorityReport {
+        self.authority.report(self.now.max(now))
+    }
+
+    /// Takes the authority to command, or prolongs it; with `take_over` from whoever has it.
+    pub fn acquire_authority(
+        &mut self,
+        now: Timestamp,
+        who: &str,
+        take_over: bool,
+    ) -> Result<AuthorityReport, AuthorityError> {
+        let now = self.tick(now);
+        let before = self.authority.report(now);
+        if take_over {
+            self.authority.take_over(now, who);
+        }
+        self.authority.acquire(now, who)?;
+        self.authority_changed(now, &before, who);
+        Ok(self.authority.report(now))
+    }
+
+    /// Prolongs the lease of the authority.
+    pub fn renew_authority(
+        &mut self,
+        now: Timestamp,
+        who: &str,
+    ) -> Result<AuthorityReport, AuthorityError> {
+        let now = self.tick(now);
+        self.authority.renew(now, who)?;
+        Ok(self.authority.report(now))
+    }
+
+    /// Gives the authority up.
+    pub fn release_authority(
+        &mut self,
+        now: Timestamp,
+        who: &str,
+    ) -> Result<AuthorityReport, AuthorityError> {
+        let now = self.tick(now);
+        self.authority.release(now, who)?;
+        self.book.disarm_all(now, who, "the authority to command was given up");
+        self.publish_events();
+        self.notice(now, EventLevel::Info, who, "gave up the authority to command");
+        self.report_link();
+        Ok(self.authority.report(now))
+    }
+
+    fn exercise_authority(&mut self, now: Timestamp, who: &str) -> Result<u64, AuthorityError> {
+        let before = self.authority.report(now);
+        let epoch = self.authority.exercise(now, who)?;
+        self.authority_changed(now, &before, who);
+        Ok(epoch)
+    }
+
+    /// What another has armed is no longer to be sent.
+    fn authority_changed(&mut self, now: Timestamp, before: &AuthorityReport, who: &str) {
+        if self.authority.report(now).epoch == before.epoch {
+            return;
+        }
+        let others: Vec<String> = self.book.armed_by_others(who);
+        for id in others {
+            self.book.disarm(now, &id, who, "the authority to command has passed on");
+        }
+        self.publish_events();
+        let text = match &before.holder {
+            Some(holder) => format!("took the authority to command over from {holder}"),
+            None => "has the authority to command".into(),
+        };
+        let taken = before.holder.is_some();
+        let level = if taken { EventLevel::Caution } else { EventLevel::Info };
+        self.notice(now, level, who, &text);
+        self.report_link();
+    }
+
     /// Stops the rover. Always taken, in every state of link and log; first it goes to the link,
     /// then everything else happens.
     pub fn estop(&mut self, now: Timestamp, who: &str) -> EstopAnswer {
@@ -113,6 +217,8 @@ impl Ground {
             tracing::debug!("second E-stop behind the release: {behind:?}");
         }
         self.wake.notify_one();
+        let light = self.light_times(now);
+        self.estop.expect_word(now, light.up_s + light.down_s + light.spread_s);
         for pending in std::mem::take(&mut self.pending) {
             let why = "an E-stop came before it was handed to the link";
             self.book.withdraw(now, &pending.id, CommandState::Aborted, why);
@@ -246,6 +352,12 @@ impl Ground {
         if let Err(error) = logged {
             return Err(self.not_sent(now, id, CommandState::Failed, error));
         }
+        // The one place that all commands pass: whoever sent it must still have the authority.
+        if let Uplink::Command { epoch: Some(epoch), .. } = &uplink
+            && let Err(error) = self.authority.check(now, *epoch)
+        {
+            return Err(self.not_sent(now, id, CommandState::Failed, error.into()));
+        }
         if self.offer_up(now, LinkClass::Command, uplink).is_err() {
             let error = CommandError::QueueFull { what: "the link is" };
             return Err(self.not_sent(now, id, CommandState::Failed, error));
@@ -255,7 +367,7 @@ impl Ground {
     }
 
     /// The one way to the transmitter.
-    fn offer_up(
+    pub(super) fn offer_up(
         &mut self,
         now: Timestamp,
         class: LinkClass,

@@ -17,6 +17,7 @@ pub(super) fn of_uplink(uplink: &Uplink) -> u32 {
         Uplink::Command { body, basis_joints_rad, .. } => {
             ID + NUMBER + of_body(body) + of_lists(basis_joints_rad)
         }
+        Uplink::Heartbeat {} => 0,
         Uplink::Estop { .. } | Uplink::EstopRelease { .. } => ID,
     })
 }

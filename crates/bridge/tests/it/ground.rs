@@ -116,6 +116,7 @@ fn uplink_ids(received: &Received) -> Vec<(Timestamp, String)> {
         Uplink::Command { id, .. } | Uplink::Estop { id } | Uplink::EstopRelease { id } => {
             id.clone()
         }
+        Uplink::Heartbeat {} => "heartbeat".into(),
     };
     received.lock().unwrap().iter().map(|(at, message)| (*at, id(message))).collect()
 }

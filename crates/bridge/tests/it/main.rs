@@ -2,10 +2,13 @@
 
 #![allow(clippy::unwrap_used)] // a test may
 
+mod authority;
+mod basis;
 mod bus;
 mod commands;
 mod estop;
 mod ground;
+mod histories;
 mod hostile;
 mod link;
 mod recorder;

@@ -199,6 +199,8 @@ pub fn motion(id: &str, duration_s: f64, plan: Option<(&str, usize)>) -> StageCo
         duration_s,
         basis_joints_rad: BTreeMap::from([("leg1".into(), vec![0.0; 6])]),
         basis_tolerance_rad: 0.02,
+        model_hash: None,
+        two_persons: false,
     }
 }
 
@@ -292,6 +294,7 @@ impl RoverAdapter for FakeRover {
                 }
                 self.say(now, &id, AckStage::Received);
             }
+            Uplink::Heartbeat {} => {}
             Uplink::EstopRelease { id } => {
                 self.stopped = false;
                 self.say(now, &id, AckStage::Completed);
