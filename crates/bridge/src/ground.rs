@@ -239,6 +239,14 @@ impl Ground {
         self.publish(now, channel::EVENT, &notice);
     }
 
+    /// The machine's clock was set by so much (s): told, and nothing else.
+    pub fn clock_was_set(&mut self, now: Timestamp, by_s: f64) {
+        let text = format!(
+            "the machine's clock was set by {by_s:+.1} s; times here go on as before until a restart"
+        );
+        self.notice(now, EventLevel::Caution, "server", &text);
+    }
+
     /// The link as it is.
     pub fn link(&self) -> LinkReport {
         LinkReport {

@@ -36,6 +36,14 @@ impl SimAdapter {
         SimAdapter { rover, start, n_frames, said: Vec::new() }
     }
 
+    /// The rover makes itself safe when it moves and nothing comes up for so long (s); never where
+    /// absent.
+    pub fn with_silence_max(mut self, silence_max_s: Option<f64>) -> SimAdapter {
+        self.rover.set_silence_max(silence_max_s);
+        self.rover.heard_ground();
+        self
+    }
+
     /// Time on board of the next frame (s).
     fn next_frame_s(&self) -> f64 {
         self.n_frames as f64 * FRAME_PERIOD_S

@@ -42,6 +42,8 @@ struct Entry {
     model_hash: Option<String>,
     /// Who armed it last.
     armed_by: Option<String>,
+    /// It is of an earlier session.
+    restored: bool,
     /// As `record.overdue_after`, and later where telemetry has granted more.
     deadline: Option<Timestamp>,
     /// The link has transmitted it: from then on a word is waited for.
@@ -98,6 +100,7 @@ impl CommandBook {
             basis_tolerance_rad: command.basis_tolerance_rad,
             model_hash: command.model_hash,
             armed_by: None,
+            restored: false,
             deadline: None,
             transmitted: false,
         };
@@ -119,6 +122,20 @@ impl CommandBook {
         let (undoes, done) = (command.after.saturating_sub(1), progress.done);
         if command.after == 0 || command.after > done {
             return Err(CommandError::NotExecuted { undoes, done });
+        }
+        self.plan_is_quiet(plan)
+    }
+
+    /// Could a command be armed now, were it staged? Its second person's word apart.
+    pub fn may_arm(&self, command: &StageCommand) -> Result<(), CommandError> {
+        let id = || command.id.clone().unwrap_or_else(|| "the command".into());
+        if let Some(armed) = self.armed() {
+            return Err(CommandError::OtherArmed { id: id(), armed: armed.id.clone() });
+        }
+        let Some(plan) = &command.plan else { return Ok(()) };
+        let progress = self.plans.of(plan);
+        if !plan.retreat && !progress.is_next(plan, command.after) {
+            return Err(CommandError::Order { id: id(), index: plan.index, next: progress.done });
         }
         self.plan_is_quiet(plan)
     }
@@ -299,6 +316,7 @@ impl CommandBook {
                 basis_tolerance_rad: 0.0,
                 model_hash: None,
                 armed_by: None,
+                restored: true,
                 deadline: None,
                 transmitted: true,
             };
@@ -311,9 +329,8 @@ impl CommandBook {
             let why = "the ground was restarted; stage it anew";
             book.end(now, &id, SERVER, CommandState::Expired, Some(why));
         }
-        let under_way =
-            |e: &Entry| is_outstanding(e.record.state) && e.record.state != CommandState::Overdue;
-        for id in book.ids(under_way) {
+        // Those of a session before, too: the next restart reads this session's log.
+        for id in book.ids(|e| is_outstanding(e.record.state)) {
             let why = "the ground was restarted before the rover's word came; outcome unknown";
             book.lose_track(now, &id, why);
         }
@@ -475,6 +492,12 @@ impl CommandBook {
     pub fn is_next(&self, id: &str) -> bool {
         let plan = self.get(id).and_then(|record| record.plan.as_ref());
         plan.is_none_or(|plan| self.is_next_of_plan(id, plan).is_ok())
+    }
+
+    /// Is a command of this session on its way or under way? Those of an earlier session are not
+    /// waited for.
+    pub fn is_busy(&self) -> bool {
+        self.entries.values().any(|e| is_outstanding(e.record.state) && !e.restored)
     }
 
     /// The armed command.

@@ -10,7 +10,7 @@ use wire::time::Timestamp;
 
 use super::{Ground, Logged, Pending, Release, RoverBusy, log_error, size};
 use crate::adapter::RoverAdapter;
-use crate::commands::{AuthorityError, CommandError, EstopError, StageCommand, is_outstanding};
+use crate::commands::{AuthorityError, CommandError, EstopError, StageCommand};
 use crate::link::{self, LinkError, Settings};
 use crate::recorder::Written;
 
@@ -25,6 +25,20 @@ impl Ground {
         self.log_must_be_well()?;
         let record = self.book.stage(now, command)?;
         Ok(self.logged(record))
+    }
+
+    /// All that stands in the way of staging, arming and sending a command now, changing nothing:
+    /// everything but the release.
+    pub fn rehearse(&self, now: Timestamp, command: &StageCommand, who: &str) -> Vec<CommandError> {
+        let now = self.now.max(now);
+        let checks = [
+            self.log_must_be_well(),
+            self.book.may_stage(command),
+            self.no_estop(),
+            self.authority.may(now, who).map_err(CommandError::from),
+            self.book.may_arm(command),
+        ];
+        checks.into_iter().filter_map(Result::err).collect()
     }
 
     /// Arms a command; see [`crate::commands::CommandBook::arm`].
@@ -308,7 +322,7 @@ impl Ground {
         adapter: Box<dyn RoverAdapter>,
     ) -> Result<(), RoverBusy> {
         let now = self.tick(now);
-        if self.estop.in_force() || self.book.records().any(|r| is_outstanding(r.state)) {
+        if self.estop.in_force() || self.book.is_busy() {
             return Err(RoverBusy);
         }
         self.listen(now);

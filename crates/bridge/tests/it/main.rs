@@ -5,6 +5,7 @@
 mod authority;
 mod basis;
 mod bus;
+mod clock;
 mod commands;
 mod estop;
 mod ground;
