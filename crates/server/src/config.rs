@@ -139,7 +139,23 @@ pub struct CommandsConfig {
     pub silence_max_s: f64,
 }
 
+/// Types of commands that two persons can be asked for; a stop is never held up.
+const TWO_PERSON_TYPES: [&str; 3] = ["joint_path", "body_path", "wheel_line"];
+
 impl CommandsConfig {
+    /// Refuses a word that is no type of command: it would protect nothing.
+    fn check(&self) -> Result<(), ConfigError> {
+        let unknown = |word: &&str| !TWO_PERSON_TYPES.contains(word);
+        match self.two_persons.split_whitespace().find(unknown) {
+            None => Ok(()),
+            Some(word) => Err(ConfigError::OutOfRange {
+                key: "commands.two_persons",
+                value: word.chars().take(80).collect(),
+                allowed: format!("types of commands: {}", TWO_PERSON_TYPES.join(" ")),
+            }),
+        }
+    }
+
     /// How the authority to command is given.
     pub fn authority_rules(&self) -> AuthorityRules {
         let explicit = self.authority == "explicit";
@@ -193,7 +209,9 @@ impl Config {
             }
         }
         keys::check(&table)?;
-        Config::deserialize(toml::Value::Table(table)).map_err(toml_error)
+        let config = Config::deserialize(toml::Value::Table(table)).map_err(toml_error)?;
+        config.commands.check()?;
+        Ok(config)
     }
 }
 
