@@ -324,11 +324,14 @@ impl Ground {
                     let light = self.light_times(at);
                     self.book.transmitted(at, &id, arrives, light);
                 }
-                Notice::Dropped { item: Uplink::Command { id, .. }, at, cause, .. } => {
-                    if cause == DropCause::Ttl {
-                        let why = "it waited for the link longer than a command may";
-                        self.book.withdraw(at, &id, CommandState::Expired, why);
-                    }
+                Notice::Dropped {
+                    item: Uplink::Command { id, .. },
+                    at,
+                    cause: DropCause::Ttl,
+                    ..
+                } => {
+                    let why = "it waited for the link longer than a command may";
+                    self.book.withdraw(at, &id, CommandState::Expired, why);
                 }
                 _ => {}
             }

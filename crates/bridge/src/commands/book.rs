@@ -1,5 +1,8 @@
 //! The commands in memory and the rules of their transitions.
 
+mod approval;
+mod restart;
+
 use std::collections::{BTreeMap, HashMap};
 
 use wire::live::{
@@ -10,7 +13,7 @@ use wire::time::Timestamp;
 
 use super::plans::PlanOrder;
 use super::{
-    ACK_SLACK_S, APPROVAL_S, ARM_WINDOW_S, CommandError, LightTimes, MAX_COMMANDS, MOTION_SLACK_S,
+    ACK_SLACK_S, ARM_WINDOW_S, CommandError, LightTimes, MAX_COMMANDS, MOTION_SLACK_S,
     MOTION_STRETCH, StageCommand, is_outstanding, is_terminal, new_id, stages,
 };
 
@@ -72,7 +75,7 @@ impl CommandBook {
         self.may_stage(&command)?;
         self.make_room()?;
         let needed = |content_hash| Approval { content_hash, by: None, until: None };
-        let approval = command.two_persons.then(|| needed(content_hash(&id, &command)));
+        let approval = command.two_persons.then(|| needed(approval::content_hash(&id, &command)));
         let record = CommandRecord {
             id: id.clone(),
             body: command.body,
@@ -241,100 +244,6 @@ impl CommandBook {
             stages::pass(&mut entry.record, VerificationStage::Transmitted, now);
             entry.expect_word_by(earliest_ack.plus_seconds(ACK_SLACK_S + light.spread_s));
         });
-    }
-
-    /// Approves a command that takes two persons, for [`APPROVAL_S`]: by another than its author, who
-    /// names the content that was looked at.
-    pub fn approve(
-        &mut self,
-        now: Timestamp,
-        id: &str,
-        who: &str,
-        content_hash: &str,
-    ) -> Result<CommandRecord, CommandError> {
-        let record = self.known(id)?;
-        let id = record.id.clone();
-        if record.state != CommandState::Staged {
-            return Err(CommandError::NotStaged { id, state: record.state });
-        }
-        let Some(approval) = &record.approval else {
-            return Err(CommandError::ApprovalNotNeeded { id });
-        };
-        if record.operator == who {
-            return Err(CommandError::SelfApproval { id, who: who.into() });
-        }
-        if approval.content_hash != content_hash {
-            let content_hash = approval.content_hash.clone();
-            return Err(CommandError::ApprovalOfOther { id, content_hash });
-        }
-        self.transition(now, &id, who, Some("approved"), |entry| {
-            if let Some(approval) = &mut entry.record.approval {
-                approval.by = Some(who.into());
-                approval.until = Some(now.plus_seconds(APPROVAL_S));
-            }
-        })
-    }
-
-    /// An operator ends a command whose outcome was unknown, by what telemetry shows.
-    pub fn resolve(
-        &mut self,
-        now: Timestamp,
-        id: &str,
-        who: &str,
-        done: bool,
-        why: &str,
-    ) -> Result<CommandRecord, CommandError> {
-        let record = self.known(id)?;
-        let (id, state) = (record.id.clone(), record.state);
-        if state != CommandState::Overdue {
-            return Err(CommandError::NotOverdue { id, state });
-        }
-        let state = if done { CommandState::Done } else { CommandState::Failed };
-        self.end(now, &id, who, state, Some(why));
-        self.known(&id).cloned()
-    }
-
-    /// The commands of an earlier session, from its events in order. What was not sent has expired;
-    /// of what was sent nobody knows the outcome; nothing is sent again. Plans are not continued.
-    pub fn restore(now: Timestamp, events: impl IntoIterator<Item = CommandEvent>) -> CommandBook {
-        let mut book = CommandBook::default();
-        for CommandEvent { command: record, .. } in events {
-            let id = record.id.clone();
-            if let Some(entry) = book.entry_mut(&id) {
-                entry.record = record;
-                continue;
-            }
-            if book.make_room().is_err() {
-                // A thousand commands under way at once: the oldest is in the log only.
-                let oldest = book.entries.pop_first();
-                oldest.map(|(_, entry)| book.order_of.remove(&entry.record.id));
-            }
-            let entry = Entry {
-                record,
-                after: 0,
-                basis_joints_rad: BTreeMap::new(),
-                basis_tolerance_rad: 0.0,
-                model_hash: None,
-                armed_by: None,
-                restored: true,
-                deadline: None,
-                transmitted: true,
-            };
-            book.entries.insert(book.next_order, entry);
-            book.order_of.insert(id, book.next_order);
-            book.next_order += 1;
-        }
-        let open = |e: &Entry| matches!(e.record.state, CommandState::Staged | CommandState::Armed);
-        for id in book.ids(open) {
-            let why = "the ground was restarted; stage it anew";
-            book.end(now, &id, SERVER, CommandState::Expired, Some(why));
-        }
-        // Those of a session before, too: the next restart reads this session's log.
-        for id in book.ids(|e| is_outstanding(e.record.state)) {
-            let why = "the ground was restarted before the rover's word came; outcome unknown";
-            book.lose_track(now, &id, why);
-        }
-        book
     }
 
     /// Takes a command back that was not sent yet.
@@ -541,16 +450,6 @@ impl CommandBook {
         }
     }
 
-    /// A second person's word, where it is needed, is there and holds.
-    fn is_approved(&self, now: Timestamp, record: &CommandRecord) -> Result<(), CommandError> {
-        let Some(approval) = &record.approval else { return Ok(()) };
-        if approval.until.is_some_and(|until| until >= now) {
-            return Ok(());
-        }
-        let lapsed = approval.until.is_some();
-        Err(CommandError::ApprovalNeeded { id: record.id.clone(), lapsed })
-    }
-
     fn lose_track(&mut self, now: Timestamp, id: &str, why: &str) {
         let _ = self.transition(now, id, SERVER, Some(why), |entry| {
             entry.record.state = CommandState::Overdue;
@@ -710,15 +609,6 @@ fn event(now: Timestamp, record: &CommandRecord, who: &str, why: Option<&str>) -
         who: who.into(),
         why: why.map(String::from),
     }
-}
-
-/// What an approval is of.
-fn content_hash(id: &str, command: &StageCommand) -> String {
-    let StageCommand { body, plan, basis_joints_rad, basis_tolerance_rad, model_hash, .. } =
-        command;
-    let content = (id, body, plan, basis_joints_rad, basis_tolerance_rad, model_hash);
-    let text = serde_json::to_vec(&content).unwrap_or_default();
-    blake3::hash(&text).to_hex()[..32].to_owned()
 }
 
 fn canonical_id(given: &str) -> Result<String, CommandError> {

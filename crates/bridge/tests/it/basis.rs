@@ -38,11 +38,11 @@ fn outcome(change: &dyn Fn(&mut Uplink)) -> (AckStage, String) {
     let mut rover = adapter();
     rover.uplink(after(0.5), uplink);
     let said = rover.advance(after(3.0));
-    let acks = said.into_iter().filter_map(|(_, message)| match message {
+    let mut acks = said.into_iter().filter_map(|(_, message)| match message {
         Downlink::Ack { stage, detail, .. } => Some((stage, detail.unwrap_or_default())),
         Downlink::Telemetry(_) => None,
     });
-    acks.last().unwrap()
+    acks.next_back().unwrap()
 }
 
 #[test]

@@ -21,7 +21,7 @@ const PERSONS: [&str; 3] = ["ada", "bob", "eve"];
 /// What the ground's disk holds.
 #[derive(Debug, Clone)]
 enum GroundLine {
-    Event(CommandEvent),
+    Event(Box<CommandEvent>),
     /// The uplink message of a release: written before it is offered to the link.
     Release {
         id: String,
@@ -146,7 +146,8 @@ impl World {
 
     fn write_events(&mut self) {
         let events = self.book.take_events();
-        self.unsynced.extend(events.into_iter().map(|event| (GroundLine::Event(event), None)));
+        self.unsynced
+            .extend(events.into_iter().map(|event| (GroundLine::Event(Box::new(event)), None)));
     }
 
     /// The disk has everything: what waited for it is released.
@@ -178,7 +179,7 @@ impl World {
     fn restart_ground(&mut self) {
         self.unsynced.clear();
         let events = self.disk.iter().filter_map(|line| match line {
-            GroundLine::Event(event) => Some(event.clone()),
+            GroundLine::Event(event) => Some((**event).clone()),
             GroundLine::Release { .. } => None,
         });
         self.book = CommandBook::restore(self.now, events);
