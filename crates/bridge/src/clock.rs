@@ -1,6 +1,6 @@
 //! The one place where time enters the project.
 
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 
 use wire::time::Timestamp;
 
@@ -8,30 +8,60 @@ use wire::time::Timestamp;
 pub trait Clock: Send + Sync {
     /// The present time.
     fn now(&self) -> Timestamp;
+
+    /// By how much the machine's clock was set since the last call (s, forward positive), where it was:
+    /// to be told, for [`Clock::now`] goes on as before.
+    fn was_set_by(&self) -> Option<f64> {
+        None
+    }
 }
+
+/// The machine's clock counts as set from this step on (ns): less is its being kept in time.
+const SET_NS: i64 = 500_000_000;
 
 /// The machine's clock as it was at the start, carried on by the monotonic clock: steps of the
 /// wall clock, forward or back, do not reach the log. Follows tokio's paused time in tests.
-#[derive(Debug)]
 pub struct SystemClock {
     base: Timestamp,
     started: tokio::time::Instant,
+    /// Reads the machine's clock.
+    wall: Box<dyn Fn() -> Timestamp + Send + Sync>,
+    /// By how much that was ahead of this clock when it was looked at last (ns).
+    ahead_ns: AtomicI64,
 }
 
 impl SystemClock {
     /// A clock set to the machine's time.
     pub fn new() -> SystemClock {
-        // The only reading of the wall clock in the project; see clippy.toml.
-        #[allow(clippy::disallowed_methods)]
-        let since_1970 =
-            std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
-        SystemClock::starting_at(Timestamp(nanos(since_1970)))
+        SystemClock::reading(Box::new(machine_time))
     }
 
-    /// A clock that shows `base` now and goes on from there.
-    pub fn starting_at(base: Timestamp) -> SystemClock {
-        SystemClock { base, started: tokio::time::Instant::now() }
+    /// A clock set by this reading of a machine's clock, which it goes on to watch.
+    pub fn reading(wall: Box<dyn Fn() -> Timestamp + Send + Sync>) -> SystemClock {
+        let (base, started) = (wall(), tokio::time::Instant::now());
+        SystemClock { base, started, wall, ahead_ns: AtomicI64::new(0) }
     }
+
+    /// A clock that shows `base` now and goes on from there, watching no other.
+    pub fn starting_at(base: Timestamp) -> SystemClock {
+        let started = tokio::time::Instant::now();
+        let wall = move || Timestamp(base.0.saturating_add(nanos(started.elapsed())));
+        SystemClock { base, started, wall: Box::new(wall), ahead_ns: AtomicI64::new(0) }
+    }
+}
+
+impl std::fmt::Debug for SystemClock {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("SystemClock").field("base", &self.base).finish_non_exhaustive()
+    }
+}
+
+fn machine_time() -> Timestamp {
+    // The only reading of the wall clock in the project; see clippy.toml.
+    #[allow(clippy::disallowed_methods)]
+    let since_1970 =
+        std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
+    Timestamp(nanos(since_1970))
 }
 
 impl Default for SystemClock {
@@ -43,6 +73,21 @@ impl Default for SystemClock {
 impl Clock for SystemClock {
     fn now(&self) -> Timestamp {
         Timestamp(self.base.0.saturating_add(nanos(self.started.elapsed())))
+    }
+
+    fn was_set_by(&self) -> Option<f64> {
+        let ahead = i128::from((self.wall)().0) - i128::from(self.now().0);
+        let ahead = i64::try_from(ahead).unwrap_or(if ahead < 0 { i64::MIN } else { i64::MAX });
+        let step = ahead.saturating_sub(self.ahead_ns.load(Ordering::SeqCst));
+        if step.saturating_abs() < SET_NS {
+            // Being kept in time adds up to nothing that would be told at once.
+            if step.saturating_abs() > SET_NS / 10 {
+                self.ahead_ns.store(ahead, Ordering::SeqCst);
+            }
+            return None;
+        }
+        self.ahead_ns.store(ahead, Ordering::SeqCst);
+        Some(step as f64 / 1e9)
     }
 }
 

@@ -1,22 +1,28 @@
-//! The life of a command, and the E-stop.
+//! The life of a command, the authority to command, and the E-stop.
 //!
 //! ```text
-//! staged ⇄ armed ──▶ sent ──▶ received ──▶ executing ──▶ done | failed | aborted
-//!    └──────┴─▶ cancelled | expired     └──── overdue ◀──┘ (a late word takes it further)
+//! staged ─▶ (approved) ⇄ armed ─▶ sent ─▶ received ─▶ executing ─▶ done | failed | aborted
+//!    └─────────┴───────────┴─▶ cancelled     └──── overdue ◀──┘ (a late word takes it further,
+//!                              | expired                         or an operator resolves it)
 //! ```
 //!
 //! Every transition is a [`CommandEvent`](wire::live::CommandEvent) that carries the whole record:
-//! the state of a [`CommandBook`] is a fold of its events. Nothing is ever sent again by itself.
+//! the state of a [`CommandBook`] is a fold of its events, and [`CommandBook::restore`] is that fold.
+//! Nothing is ever sent again by itself: where the outcome of a command is not known, after silence or
+//! a restart of the ground, it is `overdue` until a word comes or an operator resolves it.
 
+mod authority;
 mod book;
 mod estop;
 mod plans;
+mod stages;
 
 use std::collections::BTreeMap;
 
 use wire::live::{CommandBody, CommandState, PlanCommandRef};
 use wire::time::Timestamp;
 
+pub use authority::{Authority, AuthorityError, AuthorityRules};
 pub use book::CommandBook;
 pub use estop::{Estop, EstopError, RELEASE_WINDOW_S};
 
@@ -28,6 +34,8 @@ pub const ACK_SLACK_S: f64 = 2.0;
 pub const MOTION_STRETCH: f64 = 1.5;
 /// See [`MOTION_STRETCH`] (s). Each telemetry frame that shows the motion grants as much again.
 pub const MOTION_SLACK_S: f64 = 5.0;
+/// An approval holds this long (s).
+pub const APPROVAL_S: f64 = 600.0;
 /// Most commands kept in memory; the oldest ended ones give way, and remain in the log.
 pub const MAX_COMMANDS: usize = 1000;
 
@@ -53,6 +61,10 @@ pub struct StageCommand {
     pub basis_joints_rad: BTreeMap<String, Vec<f64>>,
     /// Largest deviation from that (rad).
     pub basis_tolerance_rad: f64,
+    /// Version stamp of the robot model that it was checked with.
+    pub model_hash: Option<String>,
+    /// It takes a second person's word before it is armed.
+    pub two_persons: bool,
 }
 
 /// The light times that a command is sent under (s).
@@ -62,6 +74,8 @@ pub struct LightTimes {
     pub up_s: f64,
     /// One way down (s).
     pub down_s: f64,
+    /// How much longer the way up and down may take in all (s): jitter.
+    pub spread_s: f64,
 }
 
 /// Why a command operation was refused. Nothing has changed then.
@@ -159,6 +173,47 @@ pub enum CommandError {
         /// Its state.
         state: CommandState,
     },
+    /// The authority to command is another's.
+    #[error(transparent)]
+    Authority(#[from] AuthorityError),
+    /// A second person must approve it.
+    #[error("command {id} takes the approval of a second person{}; approve it first", if *.lapsed { " again, for the last one has lapsed" } else { "" })]
+    ApprovalNeeded {
+        /// The command.
+        id: String,
+        /// There was one.
+        lapsed: bool,
+    },
+    /// The approver is its author.
+    #[error("command {id} was staged by {who}; its approval is for another person")]
+    SelfApproval {
+        /// The command.
+        id: String,
+        /// Its author.
+        who: String,
+    },
+    /// What was approved is another content.
+    #[error("command {id} has content {content_hash}, not the one approved; look at it again")]
+    ApprovalOfOther {
+        /// The command.
+        id: String,
+        /// Hash of its content.
+        content_hash: String,
+    },
+    /// Nothing to approve.
+    #[error("command {id} takes no approval")]
+    ApprovalNotNeeded {
+        /// The command.
+        id: String,
+    },
+    /// Only an unknown outcome is resolved.
+    #[error("command {id} is {state:?}; only an overdue command is resolved by hand")]
+    NotOverdue {
+        /// The command.
+        id: String,
+        /// Its state.
+        state: CommandState,
+    },
     /// The identity belongs to another command.
     #[error("command {id} was staged with another content; use a new id")]
     IdReused {
@@ -206,6 +261,12 @@ impl CommandError {
             CommandError::PlanUnderWay { .. } => "plan_under_way",
             CommandError::EstopInForce => "estop_in_force",
             CommandError::AlreadyTerminal { .. } => "already_terminal",
+            CommandError::Authority(error) => error.code(),
+            CommandError::ApprovalNeeded { .. } => "approval_needed",
+            CommandError::SelfApproval { .. } => "self_approval",
+            CommandError::ApprovalOfOther { .. } => "approval_of_other",
+            CommandError::ApprovalNotNeeded { .. } => "approval_not_needed",
+            CommandError::NotOverdue { .. } => "not_overdue",
             CommandError::IdReused { .. } => "id_reused",
             CommandError::IdInvalid { .. } => "id_invalid",
             CommandError::DurationInvalid { .. } => "duration_invalid",

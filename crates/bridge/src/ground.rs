@@ -9,6 +9,7 @@
 
 mod operate;
 mod run;
+mod size;
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -16,16 +17,16 @@ use std::sync::Arc;
 use serde::Serialize;
 use tokio::sync::{Notify, oneshot};
 use wire::live::{
-    CommandRecord, Downlink, EventLevel, EventNotice, LinkConfig, LinkReport, RoverTelemetry,
-    StabilityDerived, Uplink, channel,
+    CommandEvent, CommandRecord, CommandState, Downlink, EventLevel, EventNotice, LinkClass,
+    LinkConfig, LinkReport, RoverTelemetry, StabilityDerived, Uplink, channel,
 };
 use wire::resources::LatestFrame;
 use wire::time::Timestamp;
 
 use crate::adapter::RoverAdapter;
 use crate::bus::{Bus, ChannelMessage};
-use crate::commands::{CommandBook, CommandError, Estop};
-use crate::link::{BadDelay, DelayLine, Delivered, Priority};
+use crate::commands::{Authority, AuthorityRules, CommandBook, CommandError, Estop, LightTimes};
+use crate::link::{self, Delivered, Direction, DropCause, LinkError, Notice};
 use crate::recorder::{Record, Recorder, RecorderError, RecorderStatus, Written};
 
 pub use run::{STEP_S, run};
@@ -44,10 +45,14 @@ pub type Derive = Box<dyn Fn(&RoverTelemetry) -> Option<StabilityDerived> + Send
 /// Rover, link, commands, log and listeners of one session.
 pub struct Ground {
     adapter: Box<dyn RoverAdapter>,
-    up: DelayLine<Uplink>,
-    down: DelayLine<(Timestamp, Downlink)>,
+    up: Direction<Uplink>,
+    down: Direction<(Timestamp, Downlink)>,
     book: CommandBook,
     estop: Estop,
+    authority: Authority,
+    /// Time between heartbeats (s); none where absent.
+    heartbeat_s: Option<f64>,
+    heartbeat: Timestamp,
     recorder: Recorder,
     bus: Bus,
     derive: Derive,
@@ -141,15 +146,18 @@ impl Ground {
         recorder: Recorder,
         bus: Bus,
         derive: Derive,
-    ) -> Result<Ground, BadDelay> {
-        check_link(link)?;
+    ) -> Result<Ground, LinkError> {
+        let [up, down] = link::check(&link)?;
         let wake = recorder.committed();
         Ok(Ground {
             adapter,
-            up: DelayLine::new(link.up_delay_s, UPLINK_MAX)?,
-            down: DelayLine::new(link.down_delay_s, DOWNLINK_MAX)?,
+            up: Direction::new(up, UPLINK_MAX),
+            down: Direction::new(down, DOWNLINK_MAX),
             book: CommandBook::default(),
             estop: Estop::default(),
+            authority: Authority::new(now, AuthorityRules::default(), 0),
+            heartbeat_s: None,
+            heartbeat: now,
             recorder,
             bus,
             derive,
@@ -164,14 +172,39 @@ impl Ground {
         })
     }
 
+    /// How authority is given, and how often the rover is told that the ground is there (s).
+    pub fn configure(&mut self, rules: AuthorityRules, heartbeat_s: Option<f64>) {
+        self.authority = Authority::new(self.now, rules, self.authority.report(self.now).epoch);
+        self.heartbeat_s = heartbeat_s;
+    }
+
+    /// Takes over the commands of an earlier session from its events in order, see
+    /// [`CommandBook::restore`]; gives how many have an unknown outcome. To be called first.
+    pub fn restore(
+        &mut self,
+        now: Timestamp,
+        events: impl IntoIterator<Item = CommandEvent>,
+    ) -> usize {
+        let now = self.tick(now);
+        self.book = CommandBook::restore(now, events);
+        let last = self.book.records().filter_map(|record| record.epoch).max().unwrap_or(0);
+        let last = last.max(self.authority.report(now).epoch);
+        self.authority = Authority::new(now, self.authority.rules(), last);
+        self.publish_events();
+        self.book.records().filter(|record| record.state == CommandState::Overdue).count()
+    }
+
     /// Goes on to `now`: what has arrived is handled at the instant of its arrival, in order.
     pub fn step(&mut self, now: Timestamp) {
         let now = self.tick(now);
         self.release_written(now);
+        self.repeat_estop(now);
+        self.beat(now);
         for arrived in self.up.take_due(now) {
             self.listen(arrived.arrived);
             self.adapter.uplink(arrived.arrived, arrived.item);
         }
+        self.hear_of_uplinks();
         self.listen(now);
         for arrived in self.down.take_due(now) {
             self.receive(arrived);
@@ -186,10 +219,10 @@ impl Ground {
         }
     }
 
-    /// When [`Ground::step`] is wanted next: at the next arrival, at the latest after [`STEP_S`].
+    /// When [`Ground::step`] is wanted next: when the link does something, at the latest after [`STEP_S`].
     pub fn next_step(&self) -> Timestamp {
         let latest = self.now.plus_seconds(STEP_S);
-        let arrivals = [self.up.next_arrival(), self.down.next_arrival()];
+        let arrivals = [self.up.next_event(), self.down.next_event()];
         arrivals.into_iter().flatten().fold(latest, Timestamp::min)
     }
 
@@ -206,13 +239,27 @@ impl Ground {
         self.publish(now, channel::EVENT, &notice);
     }
 
+    /// The machine's clock was set by so much (s): told, and nothing else.
+    pub fn clock_was_set(&mut self, now: Timestamp, by_s: f64) {
+        let text = format!(
+            "the machine's clock was set by {by_s:+.1} s; times here go on as before until a restart"
+        );
+        self.notice(now, EventLevel::Caution, "server", &text);
+    }
+
     /// The link as it is.
     pub fn link(&self) -> LinkReport {
         LinkReport {
-            config: LinkConfig { up_delay_s: self.up.delay_s(), down_delay_s: self.down.delay_s() },
+            config: LinkConfig {
+                up_delay_s: self.up.settings().light_s(self.now),
+                down_delay_s: self.down.settings().light_s(self.now),
+                up: self.up.settings().beyond_delay(),
+                down: self.down.settings().beyond_delay(),
+            },
             up: self.up.counters(),
             down: self.down.counters(),
             estop: self.estop.state(),
+            authority: self.authority.report(self.now),
         }
     }
 
@@ -255,14 +302,76 @@ impl Ground {
     /// Takes what the rover has said until `at` and hands it to the link at the time it was said.
     fn listen(&mut self, at: Timestamp) {
         for (onboard, message) in self.adapter.advance(at) {
-            let priority = match message {
-                Downlink::Telemetry(_) => Priority::Expendable,
-                Downlink::Ack { .. } => Priority::Normal,
+            let class = match message {
+                Downlink::Telemetry(_) => LinkClass::Telemetry,
+                Downlink::Ack { .. } => LinkClass::Ack,
             };
-            if let Err(full) = self.down.offer(onboard.min(at), priority, (onboard, message)) {
+            let bytes = size::of_downlink(&message);
+            if let Err(full) = self.down.offer(onboard.min(at), class, bytes, (onboard, message)) {
                 // Counted by the link; told at most once a second with the link's report.
                 tracing::warn!("an acknowledgement of the rover was dropped: {full}");
             }
+        }
+        // What happens on the way down the ground learns by what comes, or does not.
+        drop(self.down.take_notices());
+    }
+
+    /// What the transmitter on the ground knows of the commands: they have left, or expired before.
+    fn hear_of_uplinks(&mut self) {
+        for notice in self.up.take_notices() {
+            match notice {
+                Notice::Transmitted { item: Uplink::Command { id, .. }, at, arrives, .. } => {
+                    let light = self.light_times(at);
+                    self.book.transmitted(at, &id, arrives, light);
+                }
+                Notice::Dropped {
+                    item: Uplink::Command { id, .. },
+                    at,
+                    cause: DropCause::Ttl,
+                    ..
+                } => {
+                    let why = "it waited for the link longer than a command may";
+                    self.book.withdraw(at, &id, CommandState::Expired, why);
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Sends an E-stop again that the rover has given no word on.
+    fn repeat_estop(&mut self, now: Timestamp) {
+        let light = self.light_times(now);
+        let word_s = light.up_s + light.down_s + light.spread_s;
+        let Some(id) = self.estop.repeat(now, word_s) else { return };
+        let uplink = Uplink::Estop { id };
+        if let Err(full) = self.offer_up(now, LinkClass::Estop, uplink.clone()) {
+            tracing::warn!("an E-stop was not repeated: {full}, all of them E-stops");
+            return;
+        }
+        self.put_durable(channel::COMMAND_UPLINK, now, &uplink);
+        self.notice(
+            now,
+            EventLevel::Critical,
+            "server",
+            "E-stop sent again: no word from the rover",
+        );
+    }
+
+    fn beat(&mut self, now: Timestamp) {
+        let Some(every_s) = self.heartbeat_s.filter(|_| now >= self.heartbeat) else { return };
+        self.heartbeat = now.plus_seconds(every_s);
+        if let Err(full) = self.offer_up(now, LinkClass::Housekeeping, Uplink::Heartbeat {}) {
+            tracing::debug!("a heartbeat was not sent: {full}");
+        }
+    }
+
+    /// The light times of now, and how much later than these a message may come.
+    fn light_times(&self, now: Timestamp) -> LightTimes {
+        let (up, down) = (self.up.settings(), self.down.settings());
+        LightTimes {
+            up_s: up.light_s(now),
+            down_s: down.light_s(now),
+            spread_s: up.jitter_max_s() + down.jitter_max_s(),
         }
     }
 
@@ -403,14 +512,4 @@ fn record_of(message: &ChannelMessage) -> Record {
 
 fn log_error(error: RecorderError) -> CommandError {
     CommandError::LogUnavailable { reason: error.to_string() }
-}
-
-fn check_link(link: LinkConfig) -> Result<(), BadDelay> {
-    let fields = [("up_delay_s", link.up_delay_s), ("down_delay_s", link.down_delay_s)];
-    for (field, delay_s) in fields {
-        if !(0.0..=crate::link::MAX_DELAY_S).contains(&delay_s) {
-            return Err(BadDelay { field, delay_s });
-        }
-    }
-    Ok(())
 }

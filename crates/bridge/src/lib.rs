@@ -3,21 +3,23 @@
 //!
 //! ```text
 //!            ┌──────────────────────────── Ground ─────────────────────────────┐
-//! server ──▶ │ CommandBook ──▶ Recorder ──synced──▶ DelayLine up   ──▶ adapter │ ──▶ rover
-//! stream ◀── │ Bus ◀── Recorder ◀── derived channels ◀── DelayLine down ◀──    │ ◀──
+//! server ──▶ │ CommandBook ──▶ Recorder ──synced──▶ Direction up   ──▶ adapter │ ──▶ rover
+//! stream ◀── │ Bus ◀── Recorder ◀── derived channels ◀── Direction down ◀──    │ ◀──
 //!            └─────────────────────────────────────────────────────────────────┘
 //! Replay ◀── log file                    (no way from here to the uplink, by type)
 //! ```
 //!
-//! - [`link`]: one [`link::DelayLine`] per direction, a pure queue that takes the time as argument.
-//! - [`commands`]: [`commands::CommandBook`], whose state is a fold of its events.
+//! - [`link`]: one [`link::Direction`] per direction, a pure queue of events that takes the time as
+//!   argument.
+//! - [`commands`]: [`commands::CommandBook`], whose state is a fold of its events;
+//!   [`commands::Authority`], who may command.
 //! - [`recorder`]: one thread that owns the log file; what is acknowledged is on the disk.
 //! - [`reader`], [`catalog`]: reading any MCAP file, also a hostile one, within stated limits.
 //! - [`replay`]: a log played through the same channels.
 //! - [`bus`]: every message, encoded once, for all listeners in the process.
 //! - [`ground`]: [`ground::Ground`] ties these together; [`ground::run`] drives it.
 //!
-//! What is deliberately absent: HTTP, authority (who may command), and every clock but
+//! What is deliberately absent: HTTP, accounts (who somebody is), and every clock but
 //! [`clock::Clock`].
 
 pub mod adapter;

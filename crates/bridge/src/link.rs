@@ -1,54 +1,47 @@
-//! One direction of the link: a delay line, pure and deterministic.
+//! One direction of the link as a deterministic queue of discrete events.
 //!
-//! Three promises hold at every instant, whatever the order of calls:
+//! ```text
+//! offer ─▶ queue of its class ─▶ transmitter ─▶ light time + jitter ─▶ take_due
+//!             │ overflow, ttl       │ outage, loss        │ corruption
+//! ```
 //!
-//! - nothing arrives before the time it was sent plus the delay at that time;
-//! - [`LinkCounters`]: sent = delivered + dropped + in flight;
-//! - messages in order (all but [`Priority::Urgent`]) arrive in the order they were offered, also
-//!   after the delay was made shorter: a later message waits for the ones before it.
+//! The transmitter serves the highest class first, one frame at a time, so that an E-stop waits for
+//! one frame at most. A message arrives at the end of its last frame + the light time of that moment +
+//! jitter; with `in_order` not before what was transmitted before it. E-stops are not held up by that
+//! order, and come out first among what arrives at the same instant.
 //!
-//! An urgent message waits for nothing but its own light time: it passes whatever is in order
-//! before it, and comes out first among those that arrive at the same instant. Two urgent messages
-//! keep their order unless the delay was made shorter between them.
+//! Promises at every instant, whatever the order of calls:
 //!
-//! Jitter, rate and loss come in front of the light time when they come; the interface leaves room.
-//! No clock: the caller gives the time. A time that goes back counts as the latest one seen.
+//! - nothing arrives before sent + size / rate + light time;
+//! - [`LinkCounters`]: sent + duplicated = delivered + dropped (by cause) + in flight;
+//! - a change of the model moves nothing that is under way;
+//! - same seed and same calls, same trace; asking more or less often changes nothing of it.
+//!
+//! No clock: the caller gives the time. A time that goes back counts as the latest one seen. Bounded:
+//! every class has its room in bytes, and all that waits or is under way together its number.
 
-use std::collections::VecDeque;
+mod dice;
+mod presets;
+mod settings;
 
-use wire::live::LinkCounters;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+
+use wire::live::{LinkClass, LinkCounters, WhenFull};
 use wire::time::Timestamp;
 
-/// Longest one-way delay that can be set (s): beyond Mars at its farthest.
-pub const MAX_DELAY_S: f64 = 1800.0;
+use dice::Dice;
+pub use presets::{PRESETS, preset};
+pub use settings::{LinkError, MAX_DELAY_S, Settings, check};
 
-/// How a message is treated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Priority {
-    /// In order; refused when the line is full.
-    Normal,
-    /// In order with the normal ones; the oldest of these gives way when the line is full.
-    Expendable,
-    /// Passes everything. Has room of its own.
-    Urgent,
-}
+/// Most notices kept for a caller that does not take them; the oldest give way.
+const NOTICES_MAX: usize = 65_536;
 
-/// The line has no room for another message. The message was counted as dropped.
+/// The link has no room for another message. It was counted as dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("{in_flight} messages are under way, which is all the link takes")]
+#[error("{in_flight} messages wait or are under way, and the link takes no more of this class")]
 pub struct QueueFull {
-    /// Messages under way.
+    /// Messages that wait or are under way.
     pub in_flight: usize,
-}
-
-/// A delay that cannot be set.
-#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-#[error("{field} is {delay_s} s; a delay is between 0 and 1800 s")]
-pub struct BadDelay {
-    /// The field of the request.
-    pub field: &'static str,
-    /// The value (s).
-    pub delay_s: f64,
 }
 
 /// A message that has arrived.
@@ -56,144 +49,429 @@ pub struct BadDelay {
 pub struct Delivered<T> {
     /// The message.
     pub item: T,
+    /// Its class.
+    pub class: LinkClass,
     /// When it was offered to the link.
     pub sent: Timestamp,
+    /// When its first frame began.
+    pub begun: Timestamp,
+    /// When its last frame ended.
+    pub transmitted: Timestamp,
     /// When it arrived.
     pub arrived: Timestamp,
-    /// Its number among all that were offered, from 0.
+    /// Its number among all that were offered, from 0. A copy has the number of its original.
     pub sequence: u64,
 }
 
-#[derive(Debug)]
-struct InFlight<T> {
-    delivery: Delivered<T>,
-    expendable: bool,
+/// Why a message was dropped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum DropCause {
+    /// Lost on the way.
+    Loss,
+    /// Arrived damaged.
+    Corruption,
+    /// Would have been transmitted in an outage that loses.
+    Outage,
+    /// Waited longer than allowed.
+    Ttl,
+    /// Found no room, or gave way to another.
+    Overflow,
 }
+
+/// What the link has to tell beside deliveries.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Notice<T> {
+    /// A message has left: the end of its last frame, or what the sending end takes for that in an
+    /// outage that loses.
+    Transmitted {
+        /// Its number.
+        sequence: u64,
+        /// The message.
+        item: T,
+        /// When.
+        at: Timestamp,
+        /// When it arrives at the earliest (its light time alone).
+        arrives: Timestamp,
+    },
+    /// A message will not arrive. The sending end knows of [`DropCause::Ttl`] and
+    /// [`DropCause::Overflow`] only; the others are for the record.
+    Dropped {
+        /// Its number.
+        sequence: u64,
+        /// The message.
+        item: T,
+        /// When.
+        at: Timestamp,
+        /// Why.
+        cause: DropCause,
+    },
+}
+
+#[derive(Debug)]
+struct Waiting<T> {
+    sequence: u64,
+    sent: Timestamp,
+    /// Bytes not yet transmitted.
+    left: u32,
+    begun: Option<Timestamp>,
+    expires: Option<Timestamp>,
+    lost: bool,
+    corrupt: bool,
+    item: T,
+}
+
+#[derive(Debug, Default)]
+struct ClassQueue<T> {
+    /// In order of sequence.
+    messages: VecDeque<Waiting<T>>,
+    bytes: u64,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Sending {
+    class: LinkClass,
+    end: Timestamp,
+    bytes: u32,
+}
+
+/// What happens next at the sending end; in this order at the same instant.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Step {
+    FrameEnds,
+    FrameBegins,
+    Expires,
+}
+
+/// Arrival, not an E-stop, order of transmission.
+type Arrival = (Timestamp, bool, u64);
 
 /// One direction of the link.
 #[derive(Debug)]
-pub struct DelayLine<T> {
-    delay_ns: u64,
+pub struct Direction<T> {
+    settings: Settings,
+    dice: Dice,
     capacity: usize,
-    latest: Timestamp,
+    now: Timestamp,
     next_sequence: u64,
-    /// In order of offering, which is also the order of arrival.
-    line: VecDeque<InFlight<T>>,
-    /// Sorted by arrival, then sequence.
-    urgent: VecDeque<Delivered<T>>,
+    next_order: u64,
+    queues: [ClassQueue<T>; 6],
+    expiries: BTreeSet<(Timestamp, LinkClass, u64)>,
+    sending: Option<Sending>,
+    last_arrival: Timestamp,
+    flight: BTreeMap<Arrival, Delivered<T>>,
+    /// Damaged messages under way: dropped on arrival.
+    damaged: BTreeMap<(Timestamp, u64), (u64, bool, T)>,
+    /// E-stops that wait or are under way.
+    n_estops: usize,
+    notices: VecDeque<Notice<T>>,
     counters: LinkCounters,
 }
 
-impl<T> DelayLine<T> {
-    /// A line with the given delay (s, see [`MAX_DELAY_S`]) that holds at most `capacity` messages
-    /// in order, and as many urgent ones.
-    pub fn new(delay_s: f64, capacity: usize) -> Result<DelayLine<T>, BadDelay> {
-        Ok(DelayLine {
-            delay_ns: nanos(delay_s)?,
+impl<T: Clone> Direction<T> {
+    /// An idle link that takes at most `capacity` messages at once, and as many E-stops.
+    pub fn new(settings: Settings, capacity: usize) -> Direction<T> {
+        let queue = || ClassQueue { messages: VecDeque::new(), bytes: 0 };
+        Direction {
+            dice: Dice::new(settings.model().seed),
+            settings,
             capacity,
-            latest: Timestamp(0),
+            now: Timestamp(0),
             next_sequence: 0,
-            line: VecDeque::new(),
-            urgent: VecDeque::new(),
+            next_order: 0,
+            queues: std::array::from_fn(|_| queue()),
+            expiries: BTreeSet::new(),
+            sending: None,
+            last_arrival: Timestamp(0),
+            flight: BTreeMap::new(),
+            damaged: BTreeMap::new(),
+            n_estops: 0,
+            notices: VecDeque::new(),
             counters: LinkCounters::default(),
-        })
+        }
     }
 
-    /// Hands a message to the link; gives its number. A full line refuses a normal message,
-    /// gives up its oldest expendable one for an expendable one, and both count as dropped.
-    pub fn offer(&mut self, now: Timestamp, priority: Priority, item: T) -> Result<u64, QueueFull> {
-        let sent = self.tick(now);
+    /// Hands a message of this size to the link; gives its number. In a full queue the rule of its
+    /// class decides; with [`WhenFull::Reject`] this is an error.
+    pub fn offer(
+        &mut self,
+        now: Timestamp,
+        class: LinkClass,
+        bytes: u32,
+        item: T,
+    ) -> Result<u64, QueueFull> {
+        self.pump(now);
+        let (now, bytes) = (self.now, bytes.max(1));
         let sequence = self.next_sequence;
         self.next_sequence += 1;
         self.counters.sent += 1;
-        let mut arrived = Timestamp(sent.0.saturating_add(self.delay_ns));
-        if priority == Priority::Urgent {
-            if self.urgent.len() >= self.capacity {
-                return Err(self.refuse(self.urgent.len()));
-            }
-            let at = self.urgent.partition_point(|u| u.arrived <= arrived);
-            self.urgent.insert(at, Delivered { item, sent, arrived, sequence });
-        } else {
-            let expendable = priority == Priority::Expendable;
-            if self.line.len() >= self.capacity && !(expendable && self.give_up_oldest()) {
-                return Err(self.refuse(self.line.len()));
-            }
-            if let Some(before) = self.line.back() {
-                arrived = arrived.max(before.delivery.arrived);
-            }
-            let delivery = Delivered { item, sent, arrived, sequence };
-            self.line.push_back(InFlight { delivery, expendable });
-        }
+        self.counters.bytes_sent += u64::from(bytes);
         self.counters.in_flight += 1;
+        let rule = *self.settings.model().queues.of(class);
+        if !self.make_room(class, bytes) {
+            self.drop_message(sequence, now, DropCause::Overflow, item);
+            return match rule.when_full {
+                WhenFull::Reject => Err(QueueFull { in_flight: self.counters.in_flight as usize }),
+                _ => Ok(sequence),
+            };
+        }
+        let expires = rule.ttl_s.map(|ttl_s| now.plus_seconds(ttl_s));
+        if let Some(expires) = expires {
+            self.expiries.insert((expires, class, sequence));
+        }
+        let (begun, lost, corrupt) = (None, false, false);
+        let message =
+            Waiting { sequence, sent: now, left: bytes, begun, expires, lost, corrupt, item };
+        let queue = &mut self.queues[class as usize];
+        queue.messages.push_back(message);
+        queue.bytes += u64::from(bytes);
+        self.counters.queued += 1;
+        self.n_estops += usize::from(class == LinkClass::Estop);
+        self.pump(now);
         Ok(sequence)
     }
 
-    /// Everything that has arrived by `now`, in order of arrival; urgent first at equal times.
+    /// Everything that has arrived by `now`, in order of arrival; E-stops first at equal times.
     pub fn take_due(&mut self, now: Timestamp) -> Vec<Delivered<T>> {
-        let now = self.tick(now);
+        self.pump(now);
         let mut due = Vec::new();
-        loop {
-            let urgent = self.urgent.front().map(|u| u.arrived).filter(|&t| t <= now);
-            let inline = self.line.front().map(|m| m.delivery.arrived).filter(|&t| t <= now);
-            let next = match (urgent, inline) {
-                (Some(u), Some(i)) if i < u => self.line.pop_front().map(|m| m.delivery),
-                (Some(_), _) => self.urgent.pop_front(),
-                (None, Some(_)) => self.line.pop_front().map(|m| m.delivery),
-                (None, None) => break,
-            };
-            due.extend(next);
+        while let Some(first) = self.flight.first_entry().filter(|e| e.key().0 <= self.now) {
+            let delivered = first.remove();
+            self.n_estops -= usize::from(delivered.class == LinkClass::Estop);
+            due.push(delivered);
         }
         self.counters.delivered += due.len() as u64;
         self.counters.in_flight -= due.len() as u64;
         due
     }
 
-    /// When the next message arrives, if one is under way.
-    pub fn next_arrival(&self) -> Option<Timestamp> {
-        let urgent = self.urgent.front().map(|u| u.arrived);
-        let inline = self.line.front().map(|m| m.delivery.arrived);
-        urgent.into_iter().chain(inline).min()
+    /// What has left or was dropped since the last call.
+    pub fn take_notices(&mut self) -> Vec<Notice<T>> {
+        self.notices.drain(..).collect()
     }
 
-    /// Sets the delay (s) of what is offered from `now` on; what is under way keeps its arrival.
-    pub fn set_delay(&mut self, now: Timestamp, delay_s: f64) -> Result<(), BadDelay> {
-        self.delay_ns = nanos(delay_s)?;
-        self.tick(now);
-        Ok(())
+    /// When something happens next: [`Direction::take_due`] is wanted then.
+    pub fn next_event(&self) -> Option<Timestamp> {
+        let arrival = self.flight.keys().next().map(|(at, ..)| *at);
+        let damaged = self.damaged.keys().next().map(|(at, _)| *at);
+        let step = self.next_step().map(|(at, _)| at);
+        arrival.into_iter().chain(damaged).chain(step).min()
     }
 
-    /// The delay (s) of what is offered now.
-    pub fn delay_s(&self) -> f64 {
-        self.delay_ns as f64 / 1e9
+    /// Changes the model from `now` on. What is under way keeps its arrival; a frame that has begun
+    /// ends when it would have.
+    pub fn set(&mut self, now: Timestamp, settings: Settings) {
+        self.pump(now);
+        if settings.model().seed != self.settings.model().seed {
+            self.dice = Dice::new(settings.model().seed);
+        }
+        self.settings = settings;
+        self.pump(now);
     }
 
-    /// The counters at this instant.
+    /// The model.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// The counters at the latest time given.
     pub fn counters(&self) -> LinkCounters {
         self.counters
     }
 
-    fn tick(&mut self, now: Timestamp) -> Timestamp {
-        self.latest = self.latest.max(now);
-        self.latest
+    /// Handles everything at the sending end, and damaged arrivals, up to `now`.
+    fn pump(&mut self, now: Timestamp) {
+        let until = self.now.max(now);
+        while let Some((at, step)) = self.next_step().filter(|(at, _)| *at <= until) {
+            self.now = self.now.max(at);
+            match step {
+                Step::FrameEnds => self.end_frame(),
+                Step::FrameBegins => self.begin_frame(),
+                Step::Expires => self.expire(),
+            }
+        }
+        self.now = until;
+        while let Some(first) = self.damaged.first_entry().filter(|e| e.key().0 <= until) {
+            let ((at, _), (sequence, is_estop, item)) = first.remove_entry();
+            self.n_estops -= usize::from(is_estop);
+            self.drop_message(sequence, at, DropCause::Corruption, item);
+        }
     }
 
-    fn refuse(&mut self, in_flight: usize) -> QueueFull {
-        self.counters.dropped += 1;
-        QueueFull { in_flight }
+    fn next_step(&self) -> Option<(Timestamp, Step)> {
+        let transmitter = match self.sending {
+            Some(sending) => Some((sending.end, Step::FrameEnds)),
+            None if self.counters.queued > 0 => {
+                Some((self.settings.open_from(self.now), Step::FrameBegins))
+            }
+            None => None,
+        };
+        // Transmission may begin at the very end of the time to live.
+        let expiry = self.expiries.first().map(|(at, ..)| (Timestamp(at.0 + 1), Step::Expires));
+        transmitter.into_iter().chain(expiry).min()
     }
 
-    fn give_up_oldest(&mut self) -> bool {
-        let Some(oldest) = self.line.iter().position(|m| m.expendable) else { return false };
-        self.line.remove(oldest);
+    fn begin_frame(&mut self) {
+        let now = self.now;
+        let waits = |class: &LinkClass| !self.queues[*class as usize].messages.is_empty();
+        let Some(class) = LinkClass::ALL.into_iter().find(waits) else { return };
+        if self.settings.loses(now) {
+            let Some(Waiting { sequence, item, .. }) = self.remove(class, 0) else { return };
+            // The sending end transmits into the void and knows nothing of it.
+            let arrives = Timestamp(now.0.saturating_add(self.settings.light_ns(now)));
+            self.notice(Notice::Transmitted { sequence, item: item.clone(), at: now, arrives });
+            self.drop_message(sequence, now, DropCause::Outage, item);
+            return;
+        }
+        let mtu = self.settings.model().mtu_bytes;
+        let Some(message) = self.queues[class as usize].messages.front_mut() else { return };
+        if message.begun.is_none() {
+            message.begun = Some(now);
+            if let Some(expires) = message.expires.take() {
+                self.expiries.remove(&(expires, class, message.sequence));
+            }
+        }
+        let bytes = message.left.min(mtu);
+        self.sending = Some(Sending { class, end: self.settings.frame_end(now, bytes), bytes });
+    }
+
+    fn end_frame(&mut self) {
+        let Some(Sending { class, end, bytes }) = self.sending.take() else { return };
+        self.counters.bytes_transmitted += u64::from(bytes);
+        let (lost, corrupt) = self.dice.frame(self.settings.model());
+        let queue = &mut self.queues[class as usize];
+        let Some(message) = queue.messages.front_mut() else { return };
+        queue.bytes -= u64::from(bytes);
+        message.left -= bytes;
+        message.lost |= lost;
+        message.corrupt |= corrupt;
+        if message.left == 0
+            && let Some(message) = queue.messages.pop_front()
+        {
+            self.counters.queued -= 1;
+            self.launch(class, end, message);
+        }
+    }
+
+    /// A message has left: it is lost, or on its way, perhaps with a copy.
+    fn launch(&mut self, class: LinkClass, end: Timestamp, message: Waiting<T>) {
+        let Waiting { sequence, sent, begun, lost, corrupt, item, .. } = message;
+        let begun = begun.unwrap_or(end);
+        let light = Timestamp(end.0.saturating_add(self.settings.light_ns(end)));
+        self.notice(Notice::Transmitted { sequence, item: item.clone(), at: end, arrives: light });
+        if lost {
+            self.n_estops -= usize::from(class == LinkClass::Estop);
+            self.drop_message(sequence, end, DropCause::Loss, item);
+            return;
+        }
+        let again = self.dice.again(self.settings.model());
+        if let Some(copy_corrupt) = again {
+            self.counters.duplicated += 1;
+            self.counters.in_flight += 1;
+            self.n_estops += usize::from(class == LinkClass::Estop);
+            let (transmitted, arrived, copy) = (end, light, item.clone());
+            let flight = Delivered { item, class, sent, begun, transmitted, arrived, sequence };
+            self.fly(flight, corrupt);
+            let flight =
+                Delivered { item: copy, class, sent, begun, transmitted, arrived, sequence };
+            self.fly(flight, copy_corrupt);
+        } else {
+            let (transmitted, arrived) = (end, light);
+            self.fly(
+                Delivered { item, class, sent, begun, transmitted, arrived, sequence },
+                corrupt,
+            );
+        }
+    }
+
+    /// `flight.arrived` is the light time alone.
+    fn fly(&mut self, mut flight: Delivered<T>, corrupt: bool) {
+        let jitter_ns = self.dice.jitter_ns(&self.settings.model().jitter);
+        flight.arrived = Timestamp(flight.arrived.0.saturating_add(jitter_ns));
+        let is_estop = flight.class == LinkClass::Estop;
+        if !is_estop && self.settings.model().in_order {
+            flight.arrived = flight.arrived.max(self.last_arrival);
+        }
+        if !is_estop {
+            self.last_arrival = self.last_arrival.max(flight.arrived);
+        }
+        let order = self.next_order;
+        self.next_order += 1;
+        if corrupt {
+            let Delivered { arrived, sequence, item, .. } = flight;
+            self.damaged.insert((arrived, order), (sequence, is_estop, item));
+        } else {
+            self.flight.insert((flight.arrived, !is_estop, order), flight);
+        }
+    }
+
+    fn expire(&mut self) {
+        let Some((expires, class, sequence)) = self.expiries.pop_first() else { return };
+        let messages = &self.queues[class as usize].messages;
+        let Ok(at) = messages.binary_search_by_key(&sequence, |message| message.sequence) else {
+            return;
+        };
+        if let Some(message) = self.remove(class, at) {
+            self.drop_message(sequence, expires, DropCause::Ttl, message.item);
+        }
+    }
+
+    /// Room for a message of a class, made by what gives way if its rule says so.
+    fn make_room(&mut self, class: LinkClass, bytes: u32) -> bool {
+        let rule = *self.settings.model().queues.of(class);
+        let bytes = u64::from(bytes);
+        if bytes > rule.bytes {
+            return false;
+        }
+        loop {
+            // The new message is counted as under way already.
+            let is_estop = class == LinkClass::Estop;
+            let others = self.counters.in_flight as usize - 1 - self.n_estops;
+            let number = if is_estop { self.n_estops } else { others };
+            if number < self.capacity && self.queues[class as usize].bytes + bytes <= rule.bytes {
+                return true;
+            }
+            let messages = &self.queues[class as usize].messages;
+            let oldest = messages.iter().position(|message| message.begun.is_none());
+            let gives_way = rule.when_full == WhenFull::DropOldest;
+            let Some(message) = oldest.filter(|_| gives_way).and_then(|at| self.remove(class, at))
+            else {
+                return false;
+            };
+            self.drop_message(message.sequence, self.now, DropCause::Overflow, message.item);
+        }
+    }
+
+    /// Takes a waiting message out of its queue.
+    fn remove(&mut self, class: LinkClass, at: usize) -> Option<Waiting<T>> {
+        let queue = &mut self.queues[class as usize];
+        let message = queue.messages.remove(at)?;
+        queue.bytes -= u64::from(message.left);
+        self.counters.queued -= 1;
+        self.n_estops -= usize::from(class == LinkClass::Estop);
+        if let Some(expires) = message.expires {
+            self.expiries.remove(&(expires, class, message.sequence));
+        }
+        Some(message)
+    }
+
+    fn drop_message(&mut self, sequence: u64, at: Timestamp, cause: DropCause, item: T) {
         self.counters.dropped += 1;
         self.counters.in_flight -= 1;
-        true
+        let by = &mut self.counters.dropped_by;
+        *match cause {
+            DropCause::Loss => &mut by.loss,
+            DropCause::Corruption => &mut by.corruption,
+            DropCause::Outage => &mut by.outage,
+            DropCause::Ttl => &mut by.ttl,
+            DropCause::Overflow => &mut by.overflow,
+        } += 1;
+        self.notice(Notice::Dropped { sequence, item, at, cause });
     }
-}
 
-fn nanos(delay_s: f64) -> Result<u64, BadDelay> {
-    if !(0.0..=MAX_DELAY_S).contains(&delay_s) {
-        return Err(BadDelay { field: "delay_s", delay_s });
+    fn notice(&mut self, notice: Notice<T>) {
+        if self.notices.len() == NOTICES_MAX {
+            self.notices.pop_front();
+        }
+        self.notices.push_back(notice);
     }
-    Ok((delay_s * 1e9).round() as u64)
 }

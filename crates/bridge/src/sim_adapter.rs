@@ -36,6 +36,14 @@ impl SimAdapter {
         SimAdapter { rover, start, n_frames, said: Vec::new() }
     }
 
+    /// The rover makes itself safe when it moves and nothing comes up for so long (s); never where
+    /// absent.
+    pub fn with_silence_max(mut self, silence_max_s: Option<f64>) -> SimAdapter {
+        self.rover.set_silence_max(silence_max_s);
+        self.rover.heard_ground();
+        self
+    }
+
     /// Time on board of the next frame (s).
     fn next_frame_s(&self) -> f64 {
         self.n_frames as f64 * FRAME_PERIOD_S
@@ -118,18 +126,37 @@ impl SimAdapter {
 impl RoverAdapter for SimAdapter {
     fn uplink(&mut self, now: Timestamp, message: Uplink) {
         self.go_to(now);
+        self.rover.heard_ground();
         match message {
             Uplink::Estop { id } => self.rover.estop(&id),
             Uplink::EstopRelease { id } => self.rover.release(&id),
-            Uplink::Command { id, body, basis_joints_rad, basis_tolerance_rad } => {
+            Uplink::Heartbeat {} => {}
+            Uplink::Command {
+                id,
+                body,
+                basis_joints_rad,
+                basis_tolerance_rad,
+                model_hash,
+                epoch,
+            } => {
                 let robot = self.rover.scene().robot().clone();
+                let own = format!("{:016x}", robot.hash());
+                if let Some(other) = model_hash.filter(|hash| *hash != own) {
+                    let other: String = other.chars().take(64).collect();
+                    let why = format!(
+                        "the command was checked with the robot model {other}, but the rover is \
+                         {own}: plan again"
+                    );
+                    self.refuse(id, why);
+                    return;
+                }
                 let legs =
                     angles_by_leg(&robot, &basis_joints_rad).map_err(|why| format!("basis: {why}"));
                 match motion(&robot, &body).and_then(|motion| Ok((motion, legs?))) {
                     Ok((motion, legs)) => {
                         let basis = Basis { legs, tolerance: basis_tolerance_rad };
                         let basis = (!basis.legs.is_empty()).then_some(basis);
-                        self.rover.command(Command { id, motion, basis });
+                        self.rover.command(Command { id, motion, basis, epoch });
                     }
                     Err(why) => self.refuse(id, why),
                 }

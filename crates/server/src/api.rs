@@ -1,6 +1,7 @@
 //! The routes, and the document that describes them.
 
 mod analysis;
+mod authority;
 mod commands;
 mod foxglove;
 mod jobs;
@@ -70,6 +71,7 @@ fn described() -> OpenApiRouter<AppState> {
         .merge(terrain::routes())
         .merge(plans::routes())
         .merge(commands::routes())
+        .merge(authority::routes())
         .merge(logs::routes())
         .merge(jobs::routes())
         .routes(routes!(openapi_json))

@@ -5,9 +5,10 @@ mod keys;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use bridge::commands::AuthorityRules;
 use serde::Deserialize;
 use terrain::traversability::Limits;
-use wire::live::LinkConfig;
+use wire::live::{CommandBody, LinkConfig};
 use wire::scene::{Payload, PayloadShape};
 
 pub use keys::{KEYS, Key, Range};
@@ -50,6 +51,7 @@ pub struct Config {
     pub rover: RoverConfig,
     pub terrain: TerrainConfig,
     pub link: LinkConfig,
+    pub commands: CommandsConfig,
     pub traversability: TraversabilityConfig,
 }
 
@@ -126,6 +128,58 @@ pub struct TraversabilityConfig {
     pub certainty_caution_below: f64,
 }
 
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct CommandsConfig {
+    pub authority: String,
+    pub authority_lease_s: f64,
+    pub two_persons: String,
+    pub heartbeat_s: f64,
+    pub silence_max_s: f64,
+}
+
+/// Types of commands that two persons can be asked for; a stop is never held up.
+const TWO_PERSON_TYPES: [&str; 3] = ["joint_path", "body_path", "wheel_line"];
+
+impl CommandsConfig {
+    /// Refuses a word that is no type of command: it would protect nothing.
+    fn check(&self) -> Result<(), ConfigError> {
+        let unknown = |word: &&str| !TWO_PERSON_TYPES.contains(word);
+        match self.two_persons.split_whitespace().find(unknown) {
+            None => Ok(()),
+            Some(word) => Err(ConfigError::OutOfRange {
+                key: "commands.two_persons",
+                value: word.chars().take(80).collect(),
+                allowed: format!("types of commands: {}", TWO_PERSON_TYPES.join(" ")),
+            }),
+        }
+    }
+
+    /// How the authority to command is given.
+    pub fn authority_rules(&self) -> AuthorityRules {
+        let explicit = self.authority == "explicit";
+        AuthorityRules { explicit, lease_s: self.authority_lease_s }
+    }
+
+    /// Does a command of this body take a second person's word?
+    pub fn takes_two(&self, body: &CommandBody) -> bool {
+        let of_type = serde_json::to_value(body).ok();
+        let of_type = of_type.as_ref().and_then(|body| body.get("type")?.as_str());
+        self.two_persons.split_whitespace().any(|word| Some(word) == of_type)
+    }
+
+    /// Time between heartbeats (s), if there are any.
+    pub fn heartbeat_s(&self) -> Option<f64> {
+        (self.heartbeat_s > 0.0).then_some(self.heartbeat_s)
+    }
+
+    /// How long a moving rover does without the ground (s), if there is a limit.
+    pub fn silence_max_s(&self) -> Option<f64> {
+        (self.silence_max_s > 0.0).then_some(self.silence_max_s)
+    }
+}
+
 impl Config {
     /// The demo mission.
     pub fn demo() -> Config {
@@ -155,7 +209,9 @@ impl Config {
             }
         }
         keys::check(&table)?;
-        Config::deserialize(toml::Value::Table(table)).map_err(toml_error)
+        let config = Config::deserialize(toml::Value::Table(table)).map_err(toml_error)?;
+        config.commands.check()?;
+        Ok(config)
     }
 }
 

@@ -3,9 +3,9 @@
 use axum::Json;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use bridge::commands::{CommandError, EstopError};
+use bridge::commands::{AuthorityError, CommandError, EstopError};
 use bridge::ground::RoverBusy;
-use bridge::link::BadDelay;
+use bridge::link::LinkError;
 use bridge::reader::ReadError;
 use bridge::replay::ReplayError;
 use wire::check::RequestError;
@@ -87,6 +87,14 @@ pub const CODES: &[(&str, u16, &str)] = &[
     ("not_executed", 409, "a part of a way back that undoes what was not done"),
     ("backing_out", 409, "a plan that is being backed out goes back only"),
     ("plan_under_way", 409, "a command of the same plan is on its way or under way"),
+    ("authority_held", 409, "another operator has the authority to command"),
+    ("authority_needed", 409, "the authority to command must be acquired first"),
+    ("authority_passed_on", 409, "the authority to command has passed on since"),
+    ("approval_needed", 409, "a command that a second person must approve first"),
+    ("approval_not_needed", 409, "a command that takes no approval"),
+    ("self_approval", 409, "the author of a command cannot approve it"),
+    ("approval_of_other", 409, "an approval of another content than the command has"),
+    ("not_overdue", 409, "only a command whose outcome is unknown is resolved by hand"),
     ("estop_in_force", 409, "an E-stop is in force"),
     ("already_terminal", 409, "the command has ended, or is beyond recall"),
     ("id_reused", 409, "the id belongs to another command"),
@@ -163,7 +171,7 @@ macro_rules! coded {
         }
     )*};
 }
-coded!(CommandError, EstopError, RoverBusy, ReplayError);
+coded!(AuthorityError, CommandError, EstopError, RoverBusy, ReplayError);
 
 impl From<ReadError> for ApiError {
     fn from(error: ReadError) -> ApiError {
@@ -175,10 +183,10 @@ impl From<ReadError> for ApiError {
     }
 }
 
-impl From<BadDelay> for ApiError {
-    fn from(error: BadDelay) -> ApiError {
+impl From<LinkError> for ApiError {
+    fn from(error: LinkError) -> ApiError {
         let mut answer = ApiError::new("out_of_range", error.to_string());
-        answer.0.details = serde_json::json!({ "field": error.field });
+        answer.0.details = serde_json::json!({ "field": &error.field });
         answer
     }
 }

@@ -84,7 +84,9 @@ fn import(
     let version = app.store.prepare(map, app.clock.now());
     job.stop().check()?;
     let (mut ground, now) = app.live.locked();
-    ground.replace_rover(now, who, Box::new(SimAdapter::new(now, rover)))?;
+    let silence_max_s = app.config.commands.silence_max_s();
+    let adapter = SimAdapter::new(now, rover).with_silence_max(silence_max_s);
+    ground.replace_rover(now, who, Box::new(adapter))?;
     if let Err(error) = version.layers() {
         let text = format!("the map has no traversability: {error}");
         ground.notice(now, EventLevel::Caution, "server", &text);

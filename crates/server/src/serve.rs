@@ -1,6 +1,7 @@
 //! Bringing the ground server up, and down again.
 
 pub mod connections;
+mod last_session;
 
 use std::collections::BTreeMap;
 use std::future::Future;
@@ -262,13 +263,25 @@ fn live(
     let gravity = config.rover.gravity_m_s2;
     let (heading, pose) = (config.rover.heading_rad, &config.rover.pose);
     let (rover, settled) = world::seat(&robot, map, gravity, place_m, heading, pose)?;
+    // Before the new log is begun, which would be the newest.
+    let earlier = last_session::commands(&config.server.logs_dir);
     let recorder = recorder(config, now, hash_text(robot.hash()), map)?;
     let friction = config.terrain.friction;
     let derive = derive_for(robot.clone(), Site { gravity, friction });
-    let adapter = Box::new(SimAdapter::new(now, rover));
+    let silence_max_s = config.commands.silence_max_s();
+    let adapter = Box::new(SimAdapter::new(now, rover).with_silence_max(silence_max_s));
     let mut ground =
-        Ground::new(now, adapter, config.link, recorder, Bus::new(BUS_CAPACITY), derive)
+        Ground::new(now, adapter, config.link.clone(), recorder, Bus::new(BUS_CAPACITY), derive)
             .map_err(|error| RequestError::new("out_of_range", error.to_string()))?;
+    ground.configure(config.commands.authority_rules(), config.commands.heartbeat_s());
+    let unknown = ground.restore(now, earlier);
+    if unknown > 0 {
+        let text = format!(
+            "of {unknown} commands of the last session the outcome is unknown; nothing is sent again: \
+             see what telemetry shows, and resolve them"
+        );
+        ground.notice(now, EventLevel::Warning, "server", &text);
+    }
     let notice = TerrainNotice {
         version: version_name(map),
         source: source_text(map),

@@ -102,6 +102,8 @@ fn of_plan(
         duration_s: *duration_s,
         basis_joints_rad: joints_of(robot, &before),
         basis_tolerance_rad: BASIS_JOINT_RAD,
+        model_hash: Some(hash_text(robot.hash())),
+        two_persons: app.config.commands.takes_two(body),
     };
     // Out of order the basis cannot hold: the order says more.
     app.live.locked().0.commands().may_stage(&command)?;
@@ -158,6 +160,8 @@ fn by_hand(
         duration_s,
         basis_joints_rad: if is_stop { BTreeMap::new() } else { joints_of(robot, &now) },
         basis_tolerance_rad: BASIS_JOINT_RAD,
+        model_hash: Some(hash_text(robot.hash())),
+        two_persons: app.config.commands.takes_two(body),
     })
 }
 

@@ -27,6 +27,9 @@ pub struct Command {
     pub motion: Motion,
     /// Where the legs were when the command was checked; `None` where nobody checked it.
     pub basis: Option<Basis>,
+    /// Number of the authority that sent it: one below the highest seen is refused, and so is none
+    /// once one was seen.
+    pub epoch: Option<u64>,
 }
 
 /// What to do (F93: joint-space and task-space motions).
@@ -105,6 +108,10 @@ pub struct Basis {
 pub enum Refusal {
     #[error("the command's id has {bytes} bytes; 1 to {ID_LENGTH_MAX} are allowed")]
     IdLength { bytes: usize },
+    #[error(
+        "the command was sent under authority {given}, but {highest} was seen: it has passed on"
+    )]
+    OldAuthority { given: u64, highest: u64 },
     #[error("the rover is stopped; release the stop first")]
     Stopped,
     #[error("the rover stopped for a fault; release the stop first: {fault}")]

@@ -34,6 +34,8 @@ pub enum Fault {
         "{leg} is off the ground and the center of mass would come {outside:.3} m outside the support of {standing}"
     )]
     Unsupported { leg: String, standing: String, outside: f64 },
+    #[error("nothing was heard from the ground for {silence_s} s: the rover holds")]
+    GroundSilent { silence_s: f64 },
     #[error("{leg} would leave the ground with fewer than 3 other wheels standing")]
     TooFewFeet { leg: String },
     #[error(

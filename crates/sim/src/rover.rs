@@ -19,6 +19,9 @@ use crate::stand::{Foot, feet, foot, loads, standing};
 /// How much of an identity that is too long is told back (characters).
 const ID_SHOWN: usize = 32;
 
+/// Time between two looks for a stance with margin, once the ground is silent (s).
+const SAFE_LOOK_S: f64 = 0.05;
+
 /// Why a rover cannot be put down in a configuration.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[allow(missing_docs)] // each variant is its message
@@ -64,6 +67,12 @@ pub struct SimRover {
     execution: Option<Execution>,
     fault: Option<String>,
     memory: Memory,
+    /// The highest authority seen.
+    epoch: Option<u64>,
+    /// How long the ground may be silent while the rover moves (s); for ever where absent.
+    silence_max_s: Option<f64>,
+    /// Time on board at which the ground was heard last.
+    heard_s: f64,
     events: Vec<Event>,
 }
 
@@ -108,6 +117,9 @@ impl SimRover {
             execution: None,
             fault: None,
             memory: Memory::default(),
+            epoch: None,
+            silence_max_s: None,
+            heard_s: 0.0,
             events: Vec::new(),
         })
     }
@@ -149,10 +161,17 @@ impl SimRover {
 
     /// Takes a command. It is refused or begins at once.
     pub fn command(&mut self, command: Command) {
-        let Command { id, motion, basis } = command;
+        let Command { id, motion, basis, epoch } = command;
         if !self.receive(&id) {
             return;
         }
+        if epoch < self.epoch {
+            let (given, highest) = (epoch.unwrap_or(0), self.epoch.unwrap_or(0));
+            let refusal = Refusal::OldAuthority { given, highest };
+            self.tell(&id, Stage::Rejected, Some(refusal.to_string()));
+            return;
+        }
+        self.epoch = epoch;
         if motion == Motion::Stop {
             self.abort("a stop command");
             self.tell(&id, Stage::Completed, None);
@@ -197,16 +216,61 @@ impl SimRover {
         self.tell(id, Stage::Completed, detail);
     }
 
+    /// The rover is to make itself safe when it moves and has not heard the ground for this long (s).
+    pub fn set_silence_max(&mut self, silence_max_s: Option<f64>) {
+        self.silence_max_s = silence_max_s;
+    }
+
+    /// Something came from the ground.
+    pub fn heard_ground(&mut self) {
+        self.heard_s = self.time_s;
+    }
+
     /// Goes on by `dt_s` (s). A `dt_s` that is not a number above zero changes nothing.
     pub fn advance(&mut self, dt_s: f64) {
         if !(dt_s.is_finite() && dt_s > 0.0) {
             return;
         }
         let end = self.time_s + dt_s;
+        let silent_s = self.silence_max_s.map_or(f64::INFINITY, |most| self.heard_s + most);
         if let Some(execution) = self.execution.take() {
-            self.execute(execution, end);
+            self.execute(execution, end.min(silent_s.max(self.time_s)));
+        }
+        if self.execution.is_some() && end >= silent_s {
+            self.time_s = self.time_s.max(silent_s.min(end));
+            self.make_safe(end);
         }
         self.time_s = end;
+    }
+
+    /// The ground is silent: stops as soon as the stance has its margin, and holds. Until then the
+    /// motion goes on, which was checked to its end; where it never has, the motion ends.
+    fn make_safe(&mut self, end: f64) {
+        let step = SAFE_LOOK_S;
+        while !self.stands_with_margin() {
+            let Some(execution) = self.execution.take() else { return };
+            if self.time_s >= end {
+                self.execution = Some(execution);
+                return;
+            }
+            let until = (self.time_s + step).min(end);
+            self.execute(execution, until);
+        }
+        if let Some(execution) = self.execution.take() {
+            let most = self.silence_max_s.unwrap_or_default();
+            let fault = Fault::GroundSilent { silence_s: most }.to_string();
+            self.mode = Mode::Fault;
+            self.tell(&execution.id, Stage::Aborted, Some(fault.clone()));
+            self.fault = Some(fault);
+        }
+    }
+
+    /// Is the regular margin at least what the margin rule asks?
+    fn stands_with_margin(&self) -> bool {
+        let contacts: Vec<_> = standing(&self.feet).into_iter().map(|(_, at)| at).collect();
+        let com = self.posture.center_of_mass(self.scene.robot());
+        support_polygon::regular(&contacts)
+            .is_ok_and(|support| support.depth_of(com.xy()) >= self.scene.robot().stance().margin)
     }
 
     /// What happened since the last call, in order.

@@ -9,6 +9,12 @@ use crate::analysis::StabilityPreference;
 use crate::scene::{Pose, RoverState};
 use crate::time::Timestamp;
 
+mod command;
+mod link;
+
+pub use command::*;
+pub use link::*;
+
 /// Names of the channels. The same names serve stream, log and replay.
 pub mod channel {
     /// [`super::RoverTelemetry`], 10 Hz.
@@ -310,7 +316,17 @@ pub enum Uplink {
         basis_joints_rad: BTreeMap<String, Vec<f64>>,
         /// Largest deviation from the basis (rad).
         basis_tolerance_rad: f64,
+        /// Version stamp of the robot model, with scale and payload, that the command was checked
+        /// with. The rover refuses the command when it has another one.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        model_hash: Option<String>,
+        /// Number of the authority that it is sent under. The rover refuses one below the highest that
+        /// it has seen.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        epoch: Option<u64>,
     },
+    /// The ground is there. A rover that hears nothing for long makes itself safe.
+    Heartbeat {},
     /// Emergency stop: stop at once and refuse motion until released.
     Estop {
         /// Identity of this E-stop (UUID).
@@ -380,11 +396,14 @@ pub enum CommandState {
     Failed,
     /// Ended by a stop or E-stop.
     Aborted,
-    /// No word from the rover when there should have been one; nobody knows the outcome.
+    /// The outcome is unknown: no word from the rover when there should have been one, or the ground
+    /// was restarted in between. Never sent again by itself. A late word takes it further; else an
+    /// operator resolves it from telemetry.
     Overdue,
     /// Taken back before it was sent.
     Cancelled,
-    /// The plan's basis no longer held when it was to be armed or sent.
+    /// The plan's basis no longer held when it was to be armed or sent, or it waited for the link
+    /// longer than a command may.
     Expired,
 }
 
@@ -446,6 +465,15 @@ pub struct CommandRecord {
     /// Why it failed or expired.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub why: Option<String>,
+    /// Its stages, once it was sent.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub verification: Vec<Verification>,
+    /// The second person's word; absent where none is needed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub approval: Option<Approval>,
+    /// Number of the authority that it was sent under.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub epoch: Option<u64>,
 }
 
 /// Which command of which plan: one of its `commands`, or one of its `retreat`.
@@ -478,35 +506,11 @@ fn is_false(value: &bool) -> bool {
     !value
 }
 
-/// Delays of the link, changeable while it runs.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct LinkConfig {
-    /// One-way delay of commands (s), 0 to 1800.
-    pub up_delay_s: f64,
-    /// One-way delay of telemetry (s), 0 to 1800.
-    pub down_delay_s: f64,
-}
-
-/// Counters of one direction; sent = delivered + dropped + in flight, always.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct LinkCounters {
-    /// Messages handed to the link.
-    pub sent: u64,
-    /// Messages that arrived.
-    pub delivered: u64,
-    /// Messages dropped because the queue was full.
-    pub dropped: u64,
-    /// Messages under way.
-    pub in_flight: u64,
-}
-
 /// The link as it is.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LinkReport {
-    /// Its delays.
+    /// Its model.
     pub config: LinkConfig,
     /// Commands.
     pub up: LinkCounters,
@@ -514,6 +518,9 @@ pub struct LinkReport {
     pub down: LinkCounters,
     /// Is an E-stop in force as far as the ground knows?
     pub estop: EstopState,
+    /// Who may command.
+    #[serde(default)]
+    pub authority: AuthorityReport,
 }
 
 /// What the ground knows of the E-stop.

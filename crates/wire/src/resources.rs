@@ -226,9 +226,47 @@ pub struct StageRequest {
     /// A command by hand.
     #[serde(default)]
     pub body: Option<CommandBody>,
-    /// Only check: nothing is staged.
+    /// Everything but the release: checks what staging, arming and sending would, and stages nothing.
     #[serde(default)]
     pub dry_run: bool,
+}
+
+/// `POST /commands/{id}/approve`: the second person's word.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ApproveRequest {
+    /// Hash of the content that was looked at, as the command's `approval` has it.
+    pub content_hash: String,
+}
+
+/// `POST /commands/{id}/resolve`: what telemetry shows of a command whose outcome was unknown.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ResolveRequest {
+    /// Was it done as commanded?
+    pub done: bool,
+    /// What shows it, 1 to 500 characters.
+    pub why: String,
+}
+
+/// `POST /authority/acquire`.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct AuthorityRequest {
+    /// Take it from whoever has it.
+    #[serde(default)]
+    pub take_over: bool,
+}
+
+/// `GET /link/presets`: a link to begin with.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct LinkPreset {
+    /// Its name.
+    pub name: String,
+    /// What it is.
+    pub title: String,
+    /// For `PUT /link`.
+    pub config: crate::live::LinkConfig,
 }
 
 /// `GET /commands`.

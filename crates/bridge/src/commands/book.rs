@@ -1,16 +1,20 @@
 //! The commands in memory and the rules of their transitions.
 
+mod approval;
+mod restart;
+
 use std::collections::{BTreeMap, HashMap};
 
 use wire::live::{
-    AckStage, CommandEvent, CommandRecord, CommandState, Executing, PlanCommandRef, Uplink,
+    AckStage, Approval, CommandEvent, CommandRecord, CommandState, Executing, PlanCommandRef,
+    Uplink, VerificationOutcome, VerificationStage,
 };
 use wire::time::Timestamp;
 
 use super::plans::PlanOrder;
 use super::{
     ACK_SLACK_S, ARM_WINDOW_S, CommandError, LightTimes, MAX_COMMANDS, MOTION_SLACK_S,
-    MOTION_STRETCH, StageCommand, is_outstanding, is_terminal, new_id,
+    MOTION_STRETCH, StageCommand, is_outstanding, is_terminal, new_id, stages,
 };
 
 /// Who is named where no operator asked.
@@ -38,8 +42,15 @@ struct Entry {
     after: usize,
     basis_joints_rad: BTreeMap<String, Vec<f64>>,
     basis_tolerance_rad: f64,
+    model_hash: Option<String>,
+    /// Who armed it last.
+    armed_by: Option<String>,
+    /// It is of an earlier session.
+    restored: bool,
     /// As `record.overdue_after`, and later where telemetry has granted more.
     deadline: Option<Timestamp>,
+    /// The link has transmitted it: from then on a word is waited for.
+    transmitted: bool,
 }
 
 impl CommandBook {
@@ -63,6 +74,8 @@ impl CommandBook {
         }
         self.may_stage(&command)?;
         self.make_room()?;
+        let needed = |content_hash| Approval { content_hash, by: None, until: None };
+        let approval = command.two_persons.then(|| needed(approval::content_hash(&id, &command)));
         let record = CommandRecord {
             id: id.clone(),
             body: command.body,
@@ -79,13 +92,20 @@ impl CommandBook {
             duration_s,
             progress: 0.0,
             why: None,
+            verification: Vec::new(),
+            approval,
+            epoch: None,
         };
         let entry = Entry {
             record: record.clone(),
             after: command.after,
             basis_joints_rad: command.basis_joints_rad,
             basis_tolerance_rad: command.basis_tolerance_rad,
+            model_hash: command.model_hash,
+            armed_by: None,
+            restored: false,
             deadline: None,
+            transmitted: false,
         };
         self.entries.insert(self.next_order, entry);
         self.order_of.insert(id, self.next_order);
@@ -105,6 +125,20 @@ impl CommandBook {
         let (undoes, done) = (command.after.saturating_sub(1), progress.done);
         if command.after == 0 || command.after > done {
             return Err(CommandError::NotExecuted { undoes, done });
+        }
+        self.plan_is_quiet(plan)
+    }
+
+    /// Could a command be armed now, were it staged? Its second person's word apart.
+    pub fn may_arm(&self, command: &StageCommand) -> Result<(), CommandError> {
+        let id = || command.id.clone().unwrap_or_else(|| "the command".into());
+        if let Some(armed) = self.armed() {
+            return Err(CommandError::OtherArmed { id: id(), armed: armed.id.clone() });
+        }
+        let Some(plan) = &command.plan else { return Ok(()) };
+        let progress = self.plans.of(plan);
+        if !plan.retreat && !progress.is_next(plan, command.after) {
+            return Err(CommandError::Order { id: id(), index: plan.index, next: progress.done });
         }
         self.plan_is_quiet(plan)
     }
@@ -129,22 +163,37 @@ impl CommandBook {
             self.is_next_of_plan(id, plan)?;
             self.plan_is_quiet(plan)?;
         }
+        self.is_approved(now, record)?;
         if let Some(armed) = self.armed() {
             return Err(CommandError::OtherArmed { id: id.into(), armed: armed.id.clone() });
         }
         self.transition(now, id, who, None, |entry| {
             entry.record.state = CommandState::Armed;
+            entry.armed_by = Some(who.into());
             entry.record.armed_until = Some(now.plus_seconds(ARM_WINDOW_S));
         })
     }
 
-    /// Sends an armed command: gives what is to be handed to the link.
+    /// Sends an armed command under no authority, see [`CommandBook::send_as`].
     pub fn send(
         &mut self,
         now: Timestamp,
         id: &str,
         who: &str,
         light: LightTimes,
+    ) -> Result<(CommandRecord, Uplink), CommandError> {
+        self.send_as(now, id, who, light, None)
+    }
+
+    /// Sends an armed command under the authority of that epoch: gives what is to be handed to the
+    /// link.
+    pub fn send_as(
+        &mut self,
+        now: Timestamp,
+        id: &str,
+        who: &str,
+        light: LightTimes,
+        epoch: Option<u64>,
     ) -> Result<(CommandRecord, Uplink), CommandError> {
         let record = self.known(id)?;
         if record.state != CommandState::Armed {
@@ -155,7 +204,10 @@ impl CommandBook {
             self.tick(now);
             return Err(CommandError::ArmExpired { id: id.into(), until });
         }
+        self.is_approved(now, record)?;
         let record = self.transition(now, id, who, None, |entry| {
+            entry.record.epoch = epoch;
+            stages::begin(&mut entry.record, now);
             let arrives = now.plus_seconds(light.up_s);
             let earliest_ack = arrives.plus_seconds(light.down_s);
             entry.record.state = CommandState::Sent;
@@ -163,7 +215,7 @@ impl CommandBook {
             entry.record.sent = Some(now);
             entry.record.arrives = Some(arrives);
             entry.record.earliest_ack = Some(earliest_ack);
-            entry.expect_word_by(earliest_ack.plus_seconds(ACK_SLACK_S));
+            entry.expect_word_by(earliest_ack.plus_seconds(ACK_SLACK_S + light.spread_s));
         })?;
         let entry = &self.entries[&self.order_of[id]];
         let uplink = Uplink::Command {
@@ -171,8 +223,27 @@ impl CommandBook {
             body: record.body.clone(),
             basis_joints_rad: entry.basis_joints_rad.clone(),
             basis_tolerance_rad: entry.basis_tolerance_rad,
+            model_hash: entry.model_hash.clone(),
+            epoch,
         };
         Ok((record, uplink))
+    }
+
+    /// The link has transmitted a sent command at `now`; it arrives at `arrives` at the earliest. What
+    /// was promised when it was sent is corrected where the command had to wait.
+    pub fn transmitted(&mut self, now: Timestamp, id: &str, arrives: Timestamp, light: LightTimes) {
+        let Some(entry) = self.entry_mut(id) else { return };
+        if entry.transmitted || entry.record.state != CommandState::Sent {
+            return;
+        }
+        entry.transmitted = true;
+        let _ = self.transition(now, id, SERVER, Some("transmitted"), |entry| {
+            let earliest_ack = arrives.plus_seconds(light.down_s);
+            entry.record.arrives = Some(arrives);
+            entry.record.earliest_ack = Some(earliest_ack);
+            stages::pass(&mut entry.record, VerificationStage::Transmitted, now);
+            entry.expect_word_by(earliest_ack.plus_seconds(ACK_SLACK_S + light.spread_s));
+        });
     }
 
     /// Takes a command back that was not sent yet.
@@ -267,14 +338,11 @@ impl CommandBook {
         }
         let overdue = self.ids(|e| {
             let waits = is_outstanding(e.record.state) && e.record.state != CommandState::Overdue;
-            waits && e.deadline.is_some_and(|t| now > t)
+            waits && e.transmitted && e.deadline.is_some_and(|t| now > t)
         });
         for id in overdue {
             let why = "no word from the rover when there should have been one; outcome unknown";
-            let _ = self.transition(now, &id, SERVER, Some(why), |entry| {
-                entry.record.state = CommandState::Overdue;
-                entry.record.why = Some(why.into());
-            });
+            self.lose_track(now, &id, why);
         }
     }
 
@@ -283,7 +351,7 @@ impl CommandBook {
         let waits = |e: &Entry| match e.record.state {
             CommandState::Armed => e.record.armed_until,
             CommandState::Overdue => None,
-            state if is_outstanding(state) => e.deadline,
+            state if is_outstanding(state) && e.transmitted => e.deadline,
             _ => None,
         };
         self.entries.values().filter_map(waits).min()
@@ -313,6 +381,11 @@ impl CommandBook {
         }
     }
 
+    /// The armed commands that another than `who` has armed.
+    pub fn armed_by_others(&self, who: &str) -> Vec<String> {
+        self.ids(|e| e.record.state == CommandState::Armed && e.armed_by.as_deref() != Some(who))
+    }
+
     /// A command.
     pub fn get(&self, id: &str) -> Option<&CommandRecord> {
         Some(&self.entries.get(self.order_of.get(id)?)?.record)
@@ -328,6 +401,12 @@ impl CommandBook {
     pub fn is_next(&self, id: &str) -> bool {
         let plan = self.get(id).and_then(|record| record.plan.as_ref());
         plan.is_none_or(|plan| self.is_next_of_plan(id, plan).is_ok())
+    }
+
+    /// Is a command of this session on its way or under way? Those of an earlier session are not
+    /// waited for.
+    pub fn is_busy(&self) -> bool {
+        self.entries.values().any(|e| is_outstanding(e.record.state) && !e.restored)
     }
 
     /// The armed command.
@@ -371,6 +450,14 @@ impl CommandBook {
         }
     }
 
+    fn lose_track(&mut self, now: Timestamp, id: &str, why: &str) {
+        let _ = self.transition(now, id, SERVER, Some(why), |entry| {
+            entry.record.state = CommandState::Overdue;
+            entry.record.why = Some(why.into());
+            stages::silent(&mut entry.record, now);
+        });
+    }
+
     fn entry_mut(&mut self, id: &str) -> Option<&mut Entry> {
         self.entries.get_mut(self.order_of.get(id)?)
     }
@@ -400,7 +487,13 @@ impl CommandBook {
     fn move_on(&mut self, now: Timestamp, id: &str, state: CommandState, detail: Option<&str>) {
         let _ = self.transition(now, id, ROVER, detail, |entry| {
             entry.record.state = state;
+            entry.transmitted = true;
             entry.record.why = None;
+            let stage = match state {
+                CommandState::Received => VerificationStage::Received,
+                _ => VerificationStage::Started,
+            };
+            stages::pass(&mut entry.record, stage, now);
             let motion_s = entry.record.duration_s * MOTION_STRETCH + MOTION_SLACK_S;
             let from = entry.record.earliest_ack.map_or(now, |ack| ack.max(now));
             let by = from.plus_seconds(motion_s);
@@ -416,6 +509,18 @@ impl CommandBook {
                 if state == CommandState::Done { None } else { why.map(String::from) };
             if state == CommandState::Done {
                 entry.record.progress = 1.0;
+                stages::pass(&mut entry.record, VerificationStage::Completed, now);
+            } else if !entry.record.verification.is_empty() {
+                // The rover's word came from the stage it had reached, whatever was heard of it.
+                if who == ROVER {
+                    stages::pass(&mut entry.record, VerificationStage::Received, now);
+                }
+                let stage = stages::reached(&entry.record);
+                let outcome = match who {
+                    ROVER => VerificationOutcome::Failed,
+                    _ => VerificationOutcome::NotReached,
+                };
+                stages::end(&mut entry.record, stage, outcome, now);
             }
         });
         if let (CommandState::Done, Ok(CommandRecord { plan: Some(plan), .. })) = (state, ended) {
@@ -463,7 +568,8 @@ impl CommandBook {
         }
     }
 
-    fn disarm(&mut self, now: Timestamp, id: &str, who: &str, why: &str) {
+    /// Takes an armed command back to staged.
+    pub fn disarm(&mut self, now: Timestamp, id: &str, who: &str, why: &str) {
         let _ = self.transition(now, id, who, Some(why), |entry| {
             entry.record.state = CommandState::Staged;
             entry.record.armed_until = None;
@@ -491,6 +597,7 @@ impl Entry {
     fn expect_word_by(&mut self, deadline: Timestamp) {
         self.deadline = Some(deadline);
         self.record.overdue_after = Some(deadline);
+        stages::due(&mut self.record, VerificationStage::Transmitted, deadline);
     }
 }
 

@@ -8,6 +8,9 @@ use super::new_id;
 /// How long the token of a release is valid (s).
 pub const RELEASE_WINDOW_S: f64 = 10.0;
 
+/// An E-stop without a word is sent again this long (s) after the word should have come.
+const REPEAT_SLACK_S: f64 = 2.0;
+
 /// Why a release was refused. The E-stop stays in force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum EstopError {
@@ -48,6 +51,8 @@ pub struct Estop {
     token: Option<(String, Timestamp)>,
     /// When the last message, stop or release, reaches the rover.
     arrives: Timestamp,
+    /// When an E-stop without a word from the rover is sent again.
+    repeat_at: Timestamp,
 }
 
 /// Identities remembered; more presses than that are one E-stop still.
@@ -82,6 +87,21 @@ impl Estop {
             self.arrives = arrives;
         }
         id
+    }
+
+    /// The E-stop to be sent again at `now`, if the rover has given no word for so long: stopping twice
+    /// is stopping, so this one message is repeated by itself. `word_s` is how long a word takes (s).
+    pub fn repeat(&mut self, now: Timestamp, word_s: f64) -> Option<String> {
+        if self.state != EstopState::Sent || now < self.repeat_at {
+            return None;
+        }
+        self.repeat_at = now.plus_seconds(word_s + REPEAT_SLACK_S);
+        self.stop_ids.last().cloned()
+    }
+
+    /// An E-stop was handed to the link at `now`; see [`Estop::repeat`].
+    pub fn expect_word(&mut self, now: Timestamp, word_s: f64) {
+        self.repeat_at = now.plus_seconds(word_s + REPEAT_SLACK_S);
     }
 
     /// First step of a release: gives the token for the second.

@@ -2,15 +2,16 @@
 
 use tokio::sync::oneshot;
 use wire::live::{
-    CommandRecord, CommandState, EstopState, EventLevel, LinkConfig, LinkReport, Uplink, channel,
+    AuthorityReport, CommandRecord, CommandState, DirectionModel, EstopState, EventLevel,
+    LinkClass, LinkConfig, LinkReport, Uplink, channel,
 };
 use wire::resources::EstopAnswer;
 use wire::time::Timestamp;
 
-use super::{Ground, Logged, Pending, Release, RoverBusy, check_link, log_error};
+use super::{Ground, Logged, Pending, Release, RoverBusy, log_error, size};
 use crate::adapter::RoverAdapter;
-use crate::commands::{CommandError, EstopError, LightTimes, StageCommand, is_outstanding};
-use crate::link::{BadDelay, Priority};
+use crate::commands::{AuthorityError, CommandError, EstopError, StageCommand};
+use crate::link::{self, LinkError, Settings};
 use crate::recorder::Written;
 
 impl Ground {
@@ -26,6 +27,20 @@ impl Ground {
         Ok(self.logged(record))
     }
 
+    /// All that stands in the way of staging, arming and sending a command now, changing nothing:
+    /// everything but the release.
+    pub fn rehearse(&self, now: Timestamp, command: &StageCommand, who: &str) -> Vec<CommandError> {
+        let now = self.now.max(now);
+        let checks = [
+            self.log_must_be_well(),
+            self.book.may_stage(command),
+            self.no_estop(),
+            self.authority.may(now, who).map_err(CommandError::from),
+            self.book.may_arm(command),
+        ];
+        checks.into_iter().filter_map(Result::err).collect()
+    }
+
     /// Arms a command; see [`crate::commands::CommandBook::arm`].
     pub fn arm(
         &mut self,
@@ -36,6 +51,7 @@ impl Ground {
         let now = self.tick(now);
         self.no_estop()?;
         self.log_must_be_well()?;
+        self.exercise_authority(now, who)?;
         let outcome = self.book.arm(now, id, who);
         let logged = self.logged(());
         outcome.map(|record| Logged { value: record, written: logged.written })
@@ -47,8 +63,9 @@ impl Ground {
         let now = self.tick(now);
         self.no_estop()?;
         self.log_must_be_well()?;
-        let light = LightTimes { up_s: self.up.delay_s(), down_s: self.down.delay_s() };
-        let outcome = self.book.send(now, id, who, light);
+        let epoch = self.exercise_authority(now, who)?;
+        let light = self.light_times(now);
+        let outcome = self.book.send_as(now, id, who, light, Some(epoch));
         let uplink = match outcome {
             Ok((_, uplink)) => uplink,
             Err(error) => {
@@ -96,22 +113,126 @@ impl Ground {
         Ok(self.logged(record))
     }
 
+    /// Approves a command that takes two persons; see [`crate::commands::CommandBook::approve`].
+    pub fn approve(
+        &mut self,
+        now: Timestamp,
+        id: &str,
+        who: &str,
+        content_hash: &str,
+    ) -> Result<Logged<CommandRecord>, CommandError> {
+        let now = self.tick(now);
+        let record = self.book.approve(now, id, who, content_hash)?;
+        Ok(self.logged(record))
+    }
+
+    /// Ends a command whose outcome was unknown; see [`crate::commands::CommandBook::resolve`].
+    pub fn resolve(
+        &mut self,
+        now: Timestamp,
+        id: &str,
+        who: &str,
+        done: bool,
+        why: &str,
+    ) -> Result<Logged<CommandRecord>, CommandError> {
+        let now = self.tick(now);
+        let record = self.book.resolve(now, id, who, done, why)?;
+        Ok(self.logged(record))
+    }
+
+    /// Who may command.
+    pub fn authority(&self, now: Timestamp) -> AuthorityReport {
+        self.authority.report(self.now.max(now))
+    }
+
+    /// Takes the authority to command, or prolongs it; with `take_over` from whoever has it.
+    pub fn acquire_authority(
+        &mut self,
+        now: Timestamp,
+        who: &str,
+        take_over: bool,
+    ) -> Result<AuthorityReport, AuthorityError> {
+        let now = self.tick(now);
+        let before = self.authority.report(now);
+        if take_over {
+            self.authority.take_over(now, who);
+        }
+        self.authority.acquire(now, who)?;
+        self.authority_changed(now, &before, who);
+        Ok(self.authority.report(now))
+    }
+
+    /// Prolongs the lease of the authority.
+    pub fn renew_authority(
+        &mut self,
+        now: Timestamp,
+        who: &str,
+    ) -> Result<AuthorityReport, AuthorityError> {
+        let now = self.tick(now);
+        self.authority.renew(now, who)?;
+        Ok(self.authority.report(now))
+    }
+
+    /// Gives the authority up.
+    pub fn release_authority(
+        &mut self,
+        now: Timestamp,
+        who: &str,
+    ) -> Result<AuthorityReport, AuthorityError> {
+        let now = self.tick(now);
+        self.authority.release(now, who)?;
+        self.book.disarm_all(now, who, "the authority to command was given up");
+        self.publish_events();
+        self.notice(now, EventLevel::Info, who, "gave up the authority to command");
+        self.report_link();
+        Ok(self.authority.report(now))
+    }
+
+    fn exercise_authority(&mut self, now: Timestamp, who: &str) -> Result<u64, AuthorityError> {
+        let before = self.authority.report(now);
+        let epoch = self.authority.exercise(now, who)?;
+        self.authority_changed(now, &before, who);
+        Ok(epoch)
+    }
+
+    /// What another has armed is no longer to be sent.
+    fn authority_changed(&mut self, now: Timestamp, before: &AuthorityReport, who: &str) {
+        if self.authority.report(now).epoch == before.epoch {
+            return;
+        }
+        let others: Vec<String> = self.book.armed_by_others(who);
+        for id in others {
+            self.book.disarm(now, &id, who, "the authority to command has passed on");
+        }
+        self.publish_events();
+        let text = match &before.holder {
+            Some(holder) => format!("took the authority to command over from {holder}"),
+            None => "has the authority to command".into(),
+        };
+        let taken = before.holder.is_some();
+        let level = if taken { EventLevel::Caution } else { EventLevel::Info };
+        self.notice(now, level, who, &text);
+        self.report_link();
+    }
+
     /// Stops the rover. Always taken, in every state of link and log; first it goes to the link,
     /// then everything else happens.
     pub fn estop(&mut self, now: Timestamp, who: &str) -> EstopAnswer {
         let now = self.tick(now);
-        let takes_effect = now.plus_seconds(self.up.delay_s());
+        let takes_effect = now.plus_seconds(self.up.settings().light_s(now));
         let release_under_way = self.estop.state() == EstopState::ReleaseSent;
         let uplink = Uplink::Estop { id: self.estop.stop(now, takes_effect) };
-        if let Err(full) = self.up.offer(now, Priority::Urgent, uplink.clone()) {
+        if let Err(full) = self.offer_up(now, LinkClass::Estop, uplink.clone()) {
             tracing::warn!("an E-stop more was not sent: {full}, all of them E-stops");
         }
         if release_under_way {
             // It may overtake the release; then this second one, behind the release, stops again.
-            let behind = self.up.offer(now, Priority::Normal, uplink.clone());
+            let behind = self.offer_up(now, LinkClass::Command, uplink.clone());
             tracing::debug!("second E-stop behind the release: {behind:?}");
         }
         self.wake.notify_one();
+        let light = self.light_times(now);
+        self.estop.expect_word(now, light.up_s + light.down_s + light.spread_s);
         for pending in std::mem::take(&mut self.pending) {
             let why = "an E-stop came before it was handed to the link";
             self.book.withdraw(now, &pending.id, CommandState::Aborted, why);
@@ -135,13 +256,13 @@ impl Ground {
         token: Option<&str>,
     ) -> Result<EstopAnswer, EstopError> {
         let now = self.tick(now);
-        let takes_effect = now.plus_seconds(self.up.delay_s());
+        let takes_effect = now.plus_seconds(self.up.settings().light_s(now));
         let Some(token) = token else {
             let token = Some(self.estop.ask_release(now)?);
             return Ok(EstopAnswer { state: self.estop.state(), takes_effect, token });
         };
         let uplink = Uplink::EstopRelease { id: self.estop.release(now, token, takes_effect)? };
-        if self.up.offer(now, Priority::Normal, uplink.clone()).is_err() {
+        if self.offer_up(now, LinkClass::Command, uplink.clone()).is_err() {
             self.estop.take_back_release();
             return Err(EstopError::QueueFull);
         }
@@ -152,24 +273,40 @@ impl Ground {
         Ok(EstopAnswer { state: self.estop.state(), takes_effect, token: None })
     }
 
-    /// Changes the delays of what is sent from now on.
+    /// Changes the link for what is transmitted from now on. A direction that `link` leaves out stays
+    /// as it is, apart from its light time.
     pub fn set_link(
         &mut self,
         now: Timestamp,
         who: &str,
         link: LinkConfig,
-    ) -> Result<LinkReport, BadDelay> {
-        check_link(link)?;
+    ) -> Result<LinkReport, LinkError> {
+        let kept = |model: Option<DirectionModel>, present: &Settings| {
+            let fixed = || DirectionModel { light_times: Vec::new(), ..present.model().clone() };
+            Some(model.unwrap_or_else(fixed))
+        };
+        let link = LinkConfig {
+            up: kept(link.up, self.up.settings()),
+            down: kept(link.down, self.down.settings()),
+            ..link
+        };
+        let [up, down] = link::check(&link)?;
         let now = self.tick(now);
-        let grown_s = link.down_delay_s - self.down.delay_s();
-        self.up.set_delay(now, link.up_delay_s)?;
-        self.down.set_delay(now, link.down_delay_s)?;
+        let before = self.light_times(now);
+        self.up.set(now, up);
+        self.down.set(now, down);
+        let after = self.light_times(now);
+        let grown_s = after.down_s + after.spread_s - before.down_s - before.spread_s;
         if grown_s > 0.0 {
             self.book.allow_longer(now, who, grown_s);
             self.publish_events();
         }
-        let LinkConfig { up_delay_s, down_delay_s } = link;
-        let text = format!("link delay set to {up_delay_s} s up, {down_delay_s} s down");
+        let mut text = format!("link delay set to {} s up, {} s down", after.up_s, after.down_s);
+        for (name, direction) in [("up", self.up.settings()), ("down", self.down.settings())] {
+            if direction.beyond_delay().is_some() {
+                text += &format!("; a model beyond delay {name}");
+            }
+        }
         self.notice(now, EventLevel::Info, who, &text);
         self.report_link();
         self.wake.notify_one();
@@ -185,7 +322,7 @@ impl Ground {
         adapter: Box<dyn RoverAdapter>,
     ) -> Result<(), RoverBusy> {
         let now = self.tick(now);
-        if self.estop.in_force() || self.book.records().any(|r| is_outstanding(r.state)) {
+        if self.estop.in_force() || self.book.is_busy() {
             return Err(RoverBusy);
         }
         self.listen(now);
@@ -229,12 +366,31 @@ impl Ground {
         if let Err(error) = logged {
             return Err(self.not_sent(now, id, CommandState::Failed, error));
         }
-        if self.up.offer(now, Priority::Normal, uplink).is_err() {
+        // The one place that all commands pass: whoever sent it must still have the authority.
+        if let Uplink::Command { epoch: Some(epoch), .. } = &uplink
+            && let Err(error) = self.authority.check(now, *epoch)
+        {
+            return Err(self.not_sent(now, id, CommandState::Failed, error.into()));
+        }
+        if self.offer_up(now, LinkClass::Command, uplink).is_err() {
             let error = CommandError::QueueFull { what: "the link is" };
             return Err(self.not_sent(now, id, CommandState::Failed, error));
         }
         let unknown = || CommandError::Unknown { id: id.into() };
         self.book.get(id).cloned().ok_or_else(unknown)
+    }
+
+    /// The one way to the transmitter.
+    pub(super) fn offer_up(
+        &mut self,
+        now: Timestamp,
+        class: LinkClass,
+        uplink: Uplink,
+    ) -> Result<(), link::QueueFull> {
+        let bytes = size::of_uplink(&uplink);
+        self.up.offer(now, class, bytes, uplink)?;
+        self.hear_of_uplinks();
+        Ok(())
     }
 
     fn release_later(&mut self, id: &str, uplink: Uplink, written: Written) -> Release {

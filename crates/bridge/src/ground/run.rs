@@ -19,6 +19,9 @@ pub async fn run(ground: Arc<Mutex<Ground>>, clock: Arc<dyn Clock>) {
         let next = {
             let mut ground = locked(&ground);
             ground.step(clock.now());
+            if let Some(by_s) = clock.was_set_by() {
+                ground.clock_was_set(clock.now(), by_s);
+            }
             ground.next_step()
         };
         let wait_s = next.seconds_since(clock.now()).clamp(SHORTEST_S, STEP_S);

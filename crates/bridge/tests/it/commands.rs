@@ -12,7 +12,7 @@ use wire::time::Timestamp;
 
 use crate::support::{START, after, back, motion, uuid};
 
-const MOON: LightTimes = LightTimes { up_s: 1.3, down_s: 1.3 };
+const MOON: LightTimes = LightTimes { up_s: 1.3, down_s: 1.3, spread_s: 0.0 };
 
 /// A book with one command of 10 s that was sent at the start.
 fn with_one_sent() -> CommandBook {
@@ -20,6 +20,7 @@ fn with_one_sent() -> CommandBook {
     book.stage(START, motion(&uuid(1), 10.0, None)).unwrap();
     book.arm(START, &uuid(1), "ada").unwrap();
     book.send(START, &uuid(1), "ada", MOON).unwrap();
+    book.transmitted(START, &uuid(1), after(1.3), MOON);
     book
 }
 
@@ -46,9 +47,10 @@ fn a_command_goes_from_staged_to_done_and_every_step_is_an_event() {
     use CommandState::{Armed, Done, Executing as Moves, Received, Sent, Staged};
     let events = book.take_events();
     let states: Vec<_> = events.iter().map(|event| event.state).collect();
-    assert_eq!(states, [Staged, Armed, Sent, Received, Moves, Moves, Done]);
+    assert_eq!(states, [Staged, Armed, Sent, Sent, Received, Moves, Moves, Done]);
+    assert_eq!(events[3].why.as_deref(), Some("transmitted"));
     let who: Vec<_> = events.iter().map(|event| &*event.who).collect();
-    assert_eq!(who, ["ada", "ada", "ada", "rover", "rover", "rover", "rover"]);
+    assert_eq!(who, ["ada", "ada", "ada", "server", "rover", "rover", "rover", "rover"]);
 }
 
 #[test]
@@ -130,7 +132,7 @@ fn silence_makes_a_command_overdue_and_a_late_word_takes_it_further() {
     assert_eq!(state(&book, 1), CommandState::Overdue);
     assert!(book.get(&uuid(1)).unwrap().why.as_deref().unwrap().contains("outcome unknown"));
     book.tick(after(1e6));
-    assert_eq!(book.take_events().len(), 4, "overdue is told once, and nothing is sent again");
+    assert_eq!(book.take_events().len(), 5, "overdue is told once, and nothing is sent again");
     book.acknowledge(after(1e6), &uuid(1), AckStage::Completed, None);
     assert_eq!(state(&book, 1), CommandState::Done);
 }
@@ -260,6 +262,11 @@ fn play(seed: u64) {
             7..10 => {
                 let sent = book.send(now, &id, "ada", MOON);
                 assert!(sent.is_err() || before == Some(CommandState::Armed), "seed {seed}");
+                if rng.random_bool(0.8) {
+                    let waited_s = rng.random_range(0..3);
+                    let arrives = now.plus_seconds(f64::from(waited_s) + MOON.up_s);
+                    book.transmitted(now.plus_seconds(f64::from(waited_s)), &id, arrives, MOON);
+                }
             }
             10 => {
                 let _ = book.cancel(now, &id, "ada");
@@ -310,6 +317,12 @@ fn check_history(seed: u64, events: &[CommandEvent]) {
         match event.state {
             CommandState::Sent => {
                 let (state, armed) = before.unwrap();
+                if state == CommandState::Sent {
+                    // It waited for the link: a correction of its times, not another sending.
+                    assert_eq!(event.why.as_deref(), Some("transmitted"), "seed {seed}");
+                    assert!(event.command.sent <= Some(event.time), "seed {seed}");
+                    continue;
+                }
                 assert_eq!(state, CommandState::Armed, "seed {seed}: no send without arm");
                 assert!(event.time.seconds_since(armed) <= 30.0, "seed {seed}: within 30 s");
             }

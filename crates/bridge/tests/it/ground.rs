@@ -5,20 +5,20 @@ use std::sync::{Arc, Mutex};
 use bridge::adapter::RoverAdapter;
 use bridge::bus::{Bus, BusItem, ChannelMessage, Subscription};
 use bridge::clock::SystemClock;
-use bridge::commands::is_outstanding;
+use bridge::commands::{AuthorityRules, is_outstanding};
 use bridge::ground::{Ground, Release, run};
 use bridge::reader::{Limits, LogMessage, read_log};
 use bridge::recorder::Recorder;
 use wire::live::{
-    CommandEvent, CommandRecord, CommandState, EstopState, LinkConfig, LinkReport, RegionKind,
-    RoverTelemetry, StabilityDerived, Uplink, channel,
+    CommandEvent, CommandRecord, CommandState, DirectionModel, EstopState, LinkConfig, LinkReport,
+    Loss, Outage, OutageTraffic, RegionKind, RoverTelemetry, StabilityDerived, Uplink, channel,
 };
 use wire::time::Timestamp;
 
 use crate::recorder::options;
 use crate::support::{FakeRover, FaultyDisk, Received, START, after, motion, uuid};
 
-const MOON: LinkConfig = LinkConfig { up_delay_s: 1.3, down_delay_s: 1.3 };
+const MOON: LinkConfig = LinkConfig::delays(1.3, 1.3);
 
 struct Session {
     ground: Ground,
@@ -116,6 +116,7 @@ fn uplink_ids(received: &Received) -> Vec<(Timestamp, String)> {
         Uplink::Command { id, .. } | Uplink::Estop { id } | Uplink::EstopRelease { id } => {
             id.clone()
         }
+        Uplink::Heartbeat {} => "heartbeat".into(),
     };
     received.lock().unwrap().iter().map(|(at, message)| (*at, id(message))).collect()
 }
@@ -147,7 +148,7 @@ fn a_command_and_its_answers_keep_the_light_times() {
 
 #[test]
 fn telemetry_comes_one_light_time_late_with_what_is_derived_from_it() {
-    let mut session = Session::new(LinkConfig { up_delay_s: 0.0, down_delay_s: 5.0 });
+    let mut session = Session::new(LinkConfig::delays(0.0, 5.0));
     session.go_to(20.0);
     let heard = session.heard();
     let frames: Vec<_> = heard.iter().filter(|m| &*m.channel == channel::ROVER_STATE).collect();
@@ -272,6 +273,63 @@ fn an_estop_is_released_in_two_steps_and_a_new_one_wins_over_a_release_under_way
     assert!(matches!(last[1], (at, Uplink::EstopRelease { .. }) if at == after(114.0)));
     assert!(matches!(last[2], (at, Uplink::Estop { .. }) if at == after(114.0)), "stops again");
     assert_eq!(session.ground.link().estop, EstopState::Confirmed);
+}
+
+#[test]
+fn an_estop_is_repeated_until_the_rover_confirms_it_and_commands_are_not() {
+    let mut session = Session::new(MOON);
+    let lossy = |probability| LinkConfig {
+        up: Some(DirectionModel {
+            loss: Loss::Bernoulli { probability },
+            ..DirectionModel::default()
+        }),
+        ..MOON
+    };
+    session.ground.set_link(session.now, "ada", lossy(1.0)).unwrap();
+    session.send(1, 1.0);
+    session.ground.estop(session.now, "eve");
+    session.go_to(30.0);
+    assert_eq!(uplink_ids(&session.received), [], "everything is lost");
+    assert_eq!(session.ground.link().estop, EstopState::Sent);
+    // One every round trip and 2 s more: at 0, 4.6, 9.2, ... 27.6 s; and one command.
+    assert_eq!(session.ground.link().up.dropped_by.loss, 7 + 1);
+    session.ground.set_link(session.now, "ada", lossy(0.0)).unwrap();
+    session.go_to(60.0);
+    assert_eq!(session.ground.link().estop, EstopState::Confirmed);
+    let received = session.received.lock().unwrap().clone();
+    assert!(matches!(received[..], [(_, Uplink::Estop { .. })]), "{received:?}");
+    assert_eq!(session.state(1), CommandState::Overdue);
+}
+
+#[test]
+fn heartbeats_go_up_as_often_as_told() {
+    let mut session = Session::new(MOON);
+    session.ground.configure(AuthorityRules::default(), Some(5.0));
+    session.go_to(31.0);
+    let received = session.received.lock().unwrap().clone();
+    assert!(received.iter().all(|(_, uplink)| *uplink == Uplink::Heartbeat {}));
+    assert!((5..=6).contains(&received.len()), "{}", received.len());
+}
+
+#[test]
+fn a_command_that_waits_too_long_for_the_link_expires_and_never_arrives() {
+    let mut session = Session::new(MOON);
+    let mut model = DirectionModel::default();
+    let (begin, end) = (after(0.0), after(60.0));
+    model.outages = vec![Outage { begin, end, traffic: OutageTraffic::Hold }];
+    model.queues.command.ttl_s = Some(10.0);
+    session.ground.set_link(START, "ada", LinkConfig { up: Some(model), ..MOON }).unwrap();
+    session.send(1, 1.0);
+    session.go_to(9.9);
+    assert_eq!(session.state(1), CommandState::Sent, "it waits, and is not overdue");
+    session.go_to(10.2);
+    assert_eq!(session.state(1), CommandState::Expired);
+    session.send(2, 1.0);
+    session.ground.estop(session.now, "eve");
+    session.go_to(70.0);
+    let received = session.received.lock().unwrap().clone();
+    assert!(matches!(received.first(), Some((at, Uplink::Estop { .. })) if *at == after(61.3)));
+    assert!(!uplink_ids(&session.received).iter().any(|(_, id)| *id == uuid(1)));
 }
 
 #[test]

@@ -2,10 +2,14 @@
 
 #![allow(clippy::unwrap_used)] // a test may
 
+mod authority;
+mod basis;
 mod bus;
+mod clock;
 mod commands;
 mod estop;
 mod ground;
+mod histories;
 mod hostile;
 mod link;
 mod recorder;

@@ -16,7 +16,7 @@ use wire::time::Timestamp;
 
 use crate::support::{START, after};
 
-fn athlete() -> Robot {
+pub fn athlete() -> Robot {
     let folder = "robots/athlete/";
     Robot::from_folder(
         &testkit::fixture_text(&format!("{folder}robot.toml")),
@@ -26,7 +26,7 @@ fn athlete() -> Robot {
     .unwrap()
 }
 
-fn adapter() -> SimAdapter {
+pub fn adapter() -> SimAdapter {
     let map = terrain::ElevationMap::plane(20.0, 0.5).unwrap();
     let scene = collision::Scene::new(Arc::new(athlete()), map, &[]).unwrap();
     let middle = nalgebra::Point2::origin();
@@ -67,6 +67,8 @@ fn hip_motion(at: &RoverTelemetry, turn: f64) -> Uplink {
         },
         basis_joints_rad: at.state.joints_rad.clone(),
         basis_tolerance_rad: 0.001,
+        model_hash: None,
+        epoch: None,
     }
 }
 
@@ -111,6 +113,8 @@ fn an_estop_ends_a_motion_and_refuses_the_next() {
         body,
         basis_joints_rad: Default::default(),
         basis_tolerance_rad: 0.0,
+        model_hash: None,
+        epoch: None,
     };
     adapter.uplink(after(2.5), next);
     let said = adapter.advance(after(3.0));
@@ -161,6 +165,8 @@ fn shift(robot: &Robot, frame: &RoverTelemetry, by: Vector3<f64>) -> Uplink {
         body: CommandBody::BodyPath { knots: (0..=4).map(knot).collect(), drive_hold: false },
         basis_joints_rad: frame.state.joints_rad.clone(),
         basis_tolerance_rad: 0.001,
+        model_hash: None,
+        epoch: None,
     }
 }
 
@@ -229,6 +235,8 @@ fn a_knot_that_lacks_a_joint_is_refused() {
         body: CommandBody::BodyPath { knots, drive_hold: false },
         basis_joints_rad: Default::default(),
         basis_tolerance_rad: 0.0,
+        model_hash: None,
+        epoch: None,
     };
     adapter.uplink(after(1.0), command);
     let said = adapter.advance(after(1.0));

@@ -23,6 +23,11 @@ pub fn after(seconds: f64) -> Timestamp {
     START.plus_seconds(seconds)
 }
 
+/// How many cases of a property to look at: all with `FOOTFALL_FULL=1`, else a tenth of them.
+pub fn cases(full: u64) -> u64 {
+    if std::env::var_os("FOOTFALL_FULL").is_some() { full } else { full / 10 }
+}
+
 /// A folder of its own, gone when the test ends.
 pub struct TempDir(PathBuf);
 
@@ -194,6 +199,8 @@ pub fn motion(id: &str, duration_s: f64, plan: Option<(&str, usize)>) -> StageCo
         duration_s,
         basis_joints_rad: BTreeMap::from([("leg1".into(), vec![0.0; 6])]),
         basis_tolerance_rad: 0.02,
+        model_hash: None,
+        two_persons: false,
     }
 }
 
@@ -287,6 +294,7 @@ impl RoverAdapter for FakeRover {
                 }
                 self.say(now, &id, AckStage::Received);
             }
+            Uplink::Heartbeat {} => {}
             Uplink::EstopRelease { id } => {
                 self.stopped = false;
                 self.say(now, &id, AckStage::Completed);

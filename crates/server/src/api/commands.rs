@@ -5,10 +5,12 @@ use std::time::Duration;
 use axum::Json;
 use axum::extract::State;
 use axum::http::StatusCode;
+use bridge::commands::CommandError;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
+use wire::check::{At, RequestError};
 use wire::live::{CommandRecord, CommandState};
-use wire::resources::{CommandList, ErrorBody, StageRequest};
+use wire::resources::{ApproveRequest, CommandList, ErrorBody, ResolveRequest, StageRequest};
 
 use crate::app::AppState;
 use crate::body::{Body, Operator, Path};
@@ -19,6 +21,8 @@ use crate::staging;
 /// Time between two frames of telemetry, and how many are waited for before a plan counts as stale.
 const FRAME: Duration = Duration::from_millis(100);
 const FRAMES_WAITED: usize = 4;
+/// Longest reason (characters).
+const WHY_MAX: usize = 500;
 
 pub fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new()
@@ -27,6 +31,8 @@ pub fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(arm))
         .routes(routes!(send))
         .routes(routes!(cancel))
+        .routes(routes!(approve))
+        .routes(routes!(resolve))
 }
 
 /// The commands of this session, newest last.
@@ -55,6 +61,16 @@ async fn stage(
 ) -> Result<(StatusCode, Json<CommandRecord>), ApiError> {
     let command = staging::command(&app, &who, &request)?;
     if request.dry_run {
+        let in_the_way = {
+            let (ground, now) = app.live.locked();
+            ground.rehearse(now, &command, &who)
+        };
+        // What follows in its plan cannot be armed yet, and is staged all the same.
+        let waits =
+            |e: &CommandError| matches!(e.code(), "order" | "plan_under_way" | "other_armed");
+        if let Some(error) = in_the_way.into_iter().find(|error| !waits(error)) {
+            return Err(error.into());
+        }
         let record = CommandRecord {
             id: command.id.unwrap_or_else(|| uuid::Uuid::now_v7().to_string()),
             body: command.body,
@@ -71,6 +87,9 @@ async fn stage(
             duration_s: command.duration_s,
             progress: 0.0,
             why: Some("dry run: nothing was staged".into()),
+            verification: Vec::new(),
+            approval: None,
+            epoch: None,
         };
         return Ok((StatusCode::OK, Json(record)));
     }
@@ -200,6 +219,57 @@ async fn cancel(
     let logged = {
         let (mut ground, now) = app.live.locked();
         ground.cancel(now, &id, &who)?
+    };
+    Ok(Json(logged.written().await?))
+}
+
+/// Approves a staged command that takes two persons: by another than its author, for ten minutes.
+#[utoipa::path(
+    post, path = "/commands/{id}/approve", tag = "commands", request_body = ApproveRequest,
+    params(("id" = String, Path, description = "The command")),
+    responses(
+        (status = 200, body = CommandRecord),
+        (status = 404, body = ErrorBody), (status = 409, body = ErrorBody)
+    )
+)]
+async fn approve(
+    State(app): State<AppState>,
+    Operator(who): Operator,
+    Path(id): Path<String>,
+    Body(request): Body<ApproveRequest>,
+) -> Result<Json<CommandRecord>, ApiError> {
+    check_basis(&app, &id).await?;
+    let logged = {
+        let (mut ground, now) = app.live.locked();
+        ground.approve(now, &id, &who, &request.content_hash)?
+    };
+    Ok(Json(logged.written().await?))
+}
+
+/// Ends a command whose outcome is unknown, by what telemetry shows. It is never sent again.
+#[utoipa::path(
+    post, path = "/commands/{id}/resolve", tag = "commands", request_body = ResolveRequest,
+    params(("id" = String, Path, description = "The command")),
+    responses(
+        (status = 200, body = CommandRecord),
+        (status = 404, body = ErrorBody), (status = 409, body = ErrorBody),
+        (status = 422, body = ErrorBody)
+    )
+)]
+async fn resolve(
+    State(app): State<AppState>,
+    Operator(who): Operator,
+    Path(id): Path<String>,
+    Body(request): Body<ResolveRequest>,
+) -> Result<Json<CommandRecord>, ApiError> {
+    let n = request.why.chars().count();
+    if !(1..=WHY_MAX).contains(&n) {
+        let text = format!("has {n} characters; say in 1 to {WHY_MAX} what shows the outcome");
+        return Err(RequestError::at("out_of_range", &At::root("why"), text).into());
+    }
+    let logged = {
+        let (mut ground, now) = app.live.locked();
+        ground.resolve(now, &id, &who, request.done, &request.why)?
     };
     Ok(Json(logged.written().await?))
 }

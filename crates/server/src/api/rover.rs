@@ -11,7 +11,7 @@ use utoipa_axum::routes;
 use wire::analysis::LiveReachRequest;
 use wire::check::At;
 use wire::live::{JobReport, LinkConfig, LinkReport, ReachSummary};
-use wire::resources::{ErrorBody, EstopAnswer, EstopReleaseRequest, RoverAnswer};
+use wire::resources::{ErrorBody, EstopAnswer, EstopReleaseRequest, LinkPreset, RoverAnswer};
 
 use crate::app::AppState;
 use crate::body::{Body, Operator, OptionalBody, Path};
@@ -23,6 +23,7 @@ pub fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new()
         .routes(routes!(rover))
         .routes(routes!(link, put_link))
+        .routes(routes!(link_presets))
         .routes(routes!(estop))
         .routes(routes!(estop_release))
         .routes(routes!(urdf))
@@ -41,13 +42,13 @@ async fn rover(State(app): State<AppState>) -> Json<RoverAnswer> {
     Json(app.live.answer(app.store.current().info.version.clone()))
 }
 
-/// The link: delays and counters.
+/// The link: its model and counters.
 #[utoipa::path(get, path = "/link", tag = "rover", responses((status = 200, body = LinkReport)))]
 async fn link(State(app): State<AppState>) -> Json<LinkReport> {
     Json(app.live.locked().0.link())
 }
 
-/// Changes the delays of what is sent from now on.
+/// Changes the link for what is transmitted from now on; what is under way keeps its arrival.
 #[utoipa::path(
     put, path = "/link", tag = "rover", request_body = LinkConfig,
     responses((status = 200, body = LinkReport), (status = 422, body = ErrorBody))
@@ -59,6 +60,19 @@ async fn put_link(
 ) -> Result<Json<LinkReport>, ApiError> {
     let (mut ground, now) = app.live.locked();
     Ok(Json(ground.set_link(now, &who, link)?))
+}
+
+/// Links to begin with.
+#[utoipa::path(
+    get, path = "/link/presets", tag = "rover",
+    responses((status = 200, body = Vec<LinkPreset>))
+)]
+async fn link_presets() -> Json<Vec<LinkPreset>> {
+    let preset = |(name, title): (&str, &str)| {
+        let config = bridge::link::preset(name)?;
+        Some(LinkPreset { name: name.into(), title: title.into(), config })
+    };
+    Json(bridge::link::PRESETS.into_iter().filter_map(preset).collect())
 }
 
 /// Stops the rover. Always taken; passes everything that is under way to the rover.

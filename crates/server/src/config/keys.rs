@@ -32,7 +32,7 @@ const fn text(path: &'static str, kind: &'static str) -> Key {
 
 /// All keys, in the order of `config/demo.toml`.
 #[rustfmt::skip]
-pub const KEYS: [Key; 51] = [
+pub const KEYS: [Key; 56] = [
     text("server.bind", "loopback address"),
     number("server.port", "", 0.0, 65535.0),
     text("server.terrain_dir", "folder"),
@@ -72,6 +72,11 @@ pub const KEYS: [Key; 51] = [
     number("terrain.friction", "", 0.0, 10.0),
     number("link.up_delay_s", "s", 0.0, 1800.0),
     number("link.down_delay_s", "s", 0.0, 1800.0),
+    text("commands.authority", "arming, explicit"),
+    number("commands.authority_lease_s", "s", 1.0, 3600.0),
+    text("commands.two_persons", "types of commands separated by spaces or empty"),
+    number("commands.heartbeat_s", "s", 0.0, 3600.0),
+    number("commands.silence_max_s", "s", 0.0, 86400.0),
     number("traversability.footprint_m", "m", 0.001, 1000.0),
     number("traversability.slope_lo_rad", "rad", 0.0, 1.57),
     number("traversability.slope_hi_rad", "rad", 0.0, 1.57),
@@ -192,5 +197,15 @@ mod tests {
         assert_eq!(config.link.up_delay_s, 5.0);
         assert_eq!(config.link.down_delay_s, Config::demo().link.down_delay_s);
         assert_eq!(config.traversability.footprint_m, 0.55);
+    }
+
+    #[test]
+    fn a_word_that_is_no_type_of_command_is_refused() {
+        let config =
+            |words: &str| Config::parse(&format!("[commands]\ntwo_persons = \"{words}\"\n"));
+        assert!(config("joint_path  wheel_line").is_ok());
+        let refused = config("joint_path jointpath").unwrap_err().to_string();
+        assert!(refused.contains("commands.two_persons = jointpath"), "{refused}");
+        assert!(config("stop").is_err(), "a stop waits for nobody");
     }
 }

@@ -6,6 +6,7 @@ mod analyses;
 mod bad_input;
 mod codes;
 mod command_line;
+mod commanding;
 mod documents;
 mod foxglove;
 mod job;

@@ -17,6 +17,7 @@ mod properties;
 mod refusals;
 mod settling;
 mod shift;
+mod silence;
 mod stops;
 mod timing;
 
@@ -80,7 +81,7 @@ fn run(rover: &mut SimRover, seconds: f64) {
 }
 
 fn command(id: &str, motion: Motion) -> Command {
-    Command { id: id.into(), motion, basis: None }
+    Command { id: id.into(), motion, basis: None, epoch: None }
 }
 
 /// From where the leg is through these offsets from there (rad).

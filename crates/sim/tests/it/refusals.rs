@@ -13,7 +13,7 @@ use crate::{
 fn refusal(motion: Motion, basis: Option<Basis>) -> String {
     let mut rover = on_plane();
     let before = rover.frame();
-    rover.command(Command { id: "x".into(), motion, basis });
+    rover.command(Command { id: "x".into(), motion, basis, epoch: None });
     let events: Vec<Event> = rover.take_events();
     assert_eq!(stages(&events, "x"), [Stage::Received, Stage::Rejected], "{events:?}");
     assert_eq!(rover.frame(), before);
@@ -109,7 +109,7 @@ fn a_command_checked_against_another_state_is_refused() {
     let mut rover = on_plane();
     other[1] = present[1] + 0.019;
     let basis = basis("leg4", other, 0.02);
-    rover.command(Command { id: "ok".into(), motion: motion(), basis });
+    rover.command(Command { id: "ok".into(), motion: motion(), basis, epoch: None });
     assert_eq!(rover.mode(), Mode::Executing);
 }
 
