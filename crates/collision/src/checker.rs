@@ -527,12 +527,25 @@ impl<'a> LegChecker<'a> {
         let moving = &self.moving[index];
         let lift = if moment.allowance.buffered { self.keep.terrain_lift } else { 0.0 };
         let required = moment.required(self.environment());
+        // The foot may come nearer where it is allowed to touch: the usual question for a wheel that
+        // stands, so it comes first.
+        let zone = moment.allowance.zone.filter(|_| moving.is_foot);
+        let in_zone = zone.zip(zone.and_then(|_| self.zone_holds(moment, scratch)));
+        let in_zone = in_zone.map(|(zone, surely)| {
+            // Who only asks for touches is told of the tolerance itself.
+            let slack = if moment.touch_only { 1.0 } else { DEPTH_SLACK };
+            let depth = slack * zone.ground_tolerance;
+            let lift = if moving.part.is_wheel { -depth } else { 0.0 };
+            (self.look_at_raised_ground(moment, moving, here, 0.0, lift), surely)
+        });
+        if let Some((Look::Clear, true)) = in_zone {
+            return Look::Clear;
+        }
         let usual = self.look_at_raised_ground(moment, moving, here, required, lift);
         if !moving.is_foot || matches!(usual, Look::Clear) {
             return usual;
         }
-        // The foot may come nearer where it is allowed to touch, and about the footfalls the ground
-        // is not raised. One of these must hold for all of the piece.
+        // About the footfalls the ground is not raised. One of these must hold for all of the piece.
         let mut worst = usual;
         if lift > 0.0
             && let Some(surely) = self.over_footfall(scratch)
@@ -540,14 +553,7 @@ impl<'a> LegChecker<'a> {
             let look = self.look_at_raised_ground(moment, moving, here, required, 0.0);
             worst = better(worst, look, surely);
         }
-        if let (Some(zone), Some(surely)) =
-            (moment.allowance.zone, self.zone_holds(moment, scratch))
-        {
-            // Who only asks for touches is told of the tolerance itself.
-            let slack = if moment.touch_only { 1.0 } else { DEPTH_SLACK };
-            let depth = slack * zone.ground_tolerance;
-            let lift = if moving.part.is_wheel { -depth } else { 0.0 };
-            let look = self.look_at_raised_ground(moment, moving, here, 0.0, lift);
+        if let Some((look, surely)) = in_zone {
             worst = better(worst, look, surely);
         }
         worst
