@@ -119,6 +119,16 @@ impl<'a> Searcher<'a> {
     }
 }
 
+type Solutions = ArrayVec<LegAngles, MAX_SOLUTIONS>;
+
+/// A wheel put down in one orientation.
+struct PutDown {
+    orientation: usize,
+    seat: Seat,
+    /// Joint angles at the waypoint above, once they have been asked for.
+    above: Option<Solutions>,
+}
+
 struct Search<'s, 'a> {
     look: &'s Look<'a>,
     checker: &'s LegChecker<'a>,
@@ -132,21 +142,24 @@ struct Search<'s, 'a> {
 
 impl Search<'_, '_> {
     fn cell(&mut self, p: Point2<f64>, worked: &[Option<Worked>]) -> Found {
+        let refused = self.unsafe_ground(p);
+        if refused.is_none() {
+            for worked in worked.iter().flatten() {
+                if self.footing.missed(worked.orientation) <= 0.0
+                    && let Some(way) = self.again(worked)
+                {
+                    return self.reachable(way);
+                }
+            }
+        }
         let misses: ArrayVec<f64, 35> =
             (0..self.n_orientations).map(|o| self.footing.missed(o)).collect();
         let missed = misses.iter().copied().fold(f64::INFINITY, f64::min);
         if missed > 0.0 {
             return Found::nothing(CellClass::Unreachable, Reason::OutOfReach, missed);
         }
-        if let Some(refused) = self.unsafe_ground(p) {
+        if let Some(refused) = refused {
             return refused;
-        }
-        for worked in worked.iter().flatten() {
-            if misses[worked.orientation] <= 0.0
-                && let Some(way) = self.again(worked)
-            {
-                return self.reachable(way);
-            }
         }
         for orientation in (0..self.n_orientations).filter(|o| misses[*o] <= 0.0) {
             if let Some(way) = self.orientation(orientation) {
@@ -187,26 +200,30 @@ impl Search<'_, '_> {
     fn again(&mut self, worked: &Worked) -> Option<Way> {
         let seat = self.footing.seat(worked.orientation).ok()?;
         let all = self.footing.angles(worked.orientation, &seat, 0.0).ok()?;
-        let from = |q: &LegAngles| (q - worked.angles).amax();
-        let angles = all.into_iter().min_by(|a, b| from(a).total_cmp(&from(b)))?;
-        let tried = self.way(worked.orientation, &seat, angles, true)?;
+        let angles = nearest(&all, &worked.angles)?;
+        let mut put = PutDown { orientation: worked.orientation, seat, above: None };
+        let tried = self.way(&mut put, angles, Some(Rank::LiftCollides))?;
         (tried.rank == Rank::Reachable).then_some(tried.way)
     }
 
     /// The first way in an orientation that works; the best of the others is kept.
     fn orientation(&mut self, orientation: usize) -> Option<Way> {
         let seat = self.footing.seat(orientation).ok()?;
+        let mut put = PutDown { orientation, seat, above: None };
+        if self.to_beat() >= Some(Rank::NoLift) && self.above(&mut put).is_empty() {
+            return None;
+        }
         let mut all = self.footing.angles(orientation, &seat, 0.0).ok()?;
         let cost = |q: &LegAngles| touchdown_cost(q, &self.look.angles);
         all.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
         for angles in all {
-            // Nothing but success gets further than the best then.
-            let hopeful = matches!(self.best, Some((Rank::LiftCollides, _)));
-            let Some(tried) = self.way(orientation, &seat, angles, hopeful) else { continue };
+            // What gets no further than the best so far is of no use.
+            let to_beat = self.to_beat();
+            let Some(tried) = self.way(&mut put, angles, to_beat) else { continue };
             if tried.rank == Rank::Reachable {
                 return Some(tried.way);
             }
-            if !hopeful && self.best.is_none_or(|(rank, _)| tried.rank > rank) {
+            if to_beat.is_none_or(|rank| tried.rank > rank) {
                 self.best = Some((tried.rank, tried.way));
             }
             if tried.touch.is_some_and(|touch| self.look.is_of_the_wheel(touch)) {
@@ -216,75 +233,84 @@ impl Search<'_, '_> {
         None
     }
 
-    /// What one way is worth; none if the wheel would not stand. Where only success counts, a way that
-    /// fails may be called worse than it is.
+    fn to_beat(&self) -> Option<Rank> {
+        self.best.map(|(rank, _)| rank)
+    }
+
+    /// Joint angles at the waypoint above.
+    fn above<'p>(&self, put: &'p mut PutDown) -> &'p Solutions {
+        put.above.get_or_insert_with(|| {
+            let lift = self.look.options.lift;
+            self.footing.angles(put.orientation, &put.seat, lift).unwrap_or_default()
+        })
+    }
+
+    /// What one way is worth; none if the wheel would not stand. A way that gets no further than
+    /// `to_beat` may be called worse than it is.
     fn way(
         &mut self,
-        orientation: usize,
-        seat: &Seat,
+        put: &mut PutDown,
         angles: LegAngles,
-        only_success: bool,
+        to_beat: Option<Rank>,
     ) -> Option<Tried> {
         let frames = self.quick.chain().frames(&angles);
-        let mut way = self.placed(orientation, seat, angles, &frames)?;
+        let mut way = self.placed(put, angles, &frames)?;
         let fails = |rank, way, touch| Some(Tried { rank, way, touch });
         if !self.look.holds(&way) {
             return fails(Rank::Unstable, way, None);
         }
         let zone = self.look.zone(&way);
         let allowance = Allowance { zone: Some(&zone), buffered: false };
-        if only_success {
+        let only_success = to_beat == Some(Rank::LiftCollides);
+        if to_beat >= Some(Rank::NoLift) {
             // What is likely to be in the way first: here, then at the waypoint above.
-            let down = self.hints[orientation].down;
-            if self.quick.touch_at(&frames, allowance, down).is_some()
-                || self.lift(&mut way).is_err()
-            {
+            let down = self.hints[put.orientation].down;
+            if let Some(touch) = self.quick.touch_at(&frames, allowance, down) {
+                return fails(Rank::Unstable, way, Some(touch));
+            }
+            way.raised = nearest(self.above(put), &angles);
+            if way.raised.is_none() {
                 return fails(Rank::Unstable, way, None);
             }
+            if only_success && let Some(touch) = self.lifted(&way) {
+                return fails(Rank::Unstable, way, Some(touch));
+            }
         }
-        let hint = &mut self.hints[orientation].down;
+        let hint = &mut self.hints[put.orientation].down;
         if let Some(touch) = self.quick.touch(&frames, allowance, hint) {
             return fails(Rank::Collides, way, Some(touch));
         }
         if !self.look.can_lift_off {
             return fails(Rank::NoLift, way, None);
         }
-        if !only_success && let Err((rank, touch)) = self.lift(&mut way) {
-            return fails(rank, way, touch);
+        if !only_success {
+            way.raised = nearest(self.above(put), &angles);
+            if way.raised.is_none() {
+                return fails(Rank::NoLift, way, None);
+            }
+            if let Some(touch) = self.lifted(&way) {
+                return fails(Rank::LiftCollides, way, Some(touch));
+            }
         }
         fails(Rank::Reachable, way, None)
     }
 
-    fn placed(
-        &self,
-        orientation: usize,
-        seat: &Seat,
-        angles: LegAngles,
-        frames: &LegFrames,
-    ) -> Option<Way> {
+    fn placed(&self, put: &PutDown, angles: LegAngles, frames: &LegFrames) -> Option<Way> {
+        let PutDown { orientation, seat, .. } = *put;
         let com = self.quick.chain().center_of_mass(frames);
         let mut contact = seat.contact;
         if !self.look.robot.leg(self.look.leg).ik.fixes_orientation() {
-            contact = self.footing.touchdown(orientation, seat, angles)?.contact;
+            contact = self.footing.touchdown(orientation, &seat, angles)?.contact;
         }
         let center = self.look.wheel_center(frames);
-        Some(Way { orientation, seat: *seat, angles, com, contact, center, raised: None })
+        Some(Way { orientation, seat, angles, com, contact, center, raised: None })
     }
 
-    /// Brings the leg to the waypoint above.
-    fn lift(&mut self, way: &mut Way) -> Result<(), (Rank, Option<Touch>)> {
-        let above = self.footing.angles(way.orientation, &way.seat, self.look.options.lift);
-        let above: ArrayVec<LegAngles, MAX_SOLUTIONS> = above.unwrap_or_default();
-        let from = |q: &LegAngles| (q - way.angles).amax();
-        let nearest = above.into_iter().min_by(|a, b| from(a).total_cmp(&from(b)));
-        let angles = nearest.ok_or((Rank::NoLift, None))?;
-        way.raised = Some(angles);
-        let frames = self.quick.chain().frames(&angles);
+    /// What is in the way of the leg at the waypoint above.
+    fn lifted(&mut self, way: &Way) -> Option<Touch> {
+        let frames = self.quick.chain().frames(&way.raised?);
         let hint = &mut self.hints[way.orientation].lifted;
-        match self.quick.touch(&frames, Allowance::default(), hint) {
-            Some(touch) => Err((Rank::LiftCollides, Some(touch))),
-            None => Ok(()),
-        }
+        self.quick.touch(&frames, Allowance::default(), hint)
     }
 
     /// What the way that got furthest lacks.
@@ -340,6 +366,12 @@ impl Search<'_, '_> {
         };
         Found::nothing(class, reason, missing)
     }
+}
+
+/// The joint angles nearest to others.
+fn nearest(all: &Solutions, to: &LegAngles) -> Option<LegAngles> {
+    let from = |q: &LegAngles| (q - to).amax();
+    all.iter().copied().min_by(|a, b| from(a).total_cmp(&from(b)))
 }
 
 /// The reason that a violation is.
