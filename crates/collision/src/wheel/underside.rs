@@ -26,6 +26,9 @@ pub(crate) struct Level {
     /// Level, along the axle, and how far the wheel reaches that way (m).
     along: Vector2<f64>,
     reach: f64,
+    /// Rise of the axle along that way, and one over its cosine.
+    rise: f64,
+    steep: f64,
 }
 
 impl Underside {
@@ -41,6 +44,8 @@ impl Underside {
                 up: aside.cross(&axle),
                 along,
                 reach: wheel.half_width * cosine.abs() + wheel.radius * sine + 1e-9,
+                rise: axle.z / cosine,
+                steep: 1.0 / cosine,
             }
         });
         Underside {
@@ -53,14 +58,30 @@ impl Underside {
         }
     }
 
+    /// As [`over_square`](Self::over_square), less closely and more quickly: by the highest of the heights
+    /// and a parabola about the wheel's round.
+    pub fn over_highest(&self, corner: Point2<f64>, highest: f64) -> f64 {
+        let Some(level) = &self.level else { return self.lowest - highest };
+        let middle = corner - self.center.xy() + Vector2::repeat(self.half_side);
+        let (aside, along) = (level.aside.dot(&middle), level.along.dot(&middle));
+        let off = aside.abs() - self.half_diagonal;
+        if along.abs() - self.half_diagonal > level.reach || off > self.radius {
+            return f64::INFINITY;
+        }
+        // A circle lies above the parabola that has its curvature at its lowest point.
+        let off = off.max(0.0);
+        let round = (self.radius - off * off / (2.0 * self.radius)) * level.steep;
+        let axle = level.rise * along - level.rise.abs() * self.half_diagonal;
+        self.center.z + axle - round - highest
+    }
+
     /// A gap that is no larger than any over the square from `corner` on, with these heights at its
     /// corners; infinite beside the wheel.
     ///
     /// Over each triangle of the ground the gap to a plane is least at a corner, and the wheel lies above
     /// the plane that touches it there.
     pub fn over_square(&self, corner: Point2<f64>, heights: [f64; 4]) -> f64 {
-        let highest = heights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let Some(level) = &self.level else { return self.lowest - highest };
+        let Some(level) = &self.level else { return self.lowest - super::highest_of(&heights) };
         let (start, side) = (corner - self.center.xy(), 2.0 * self.half_side);
         let middle = start + Vector2::repeat(self.half_side);
         let (aside, along) = (level.aside.dot(&middle), level.along.dot(&middle));
