@@ -99,7 +99,8 @@ impl<'c> Follower<'c> {
         };
         for index in 0..self.clear_until.len() {
             let gone = way(self.places[index]);
-            if gone < self.clear_until[index] {
+            // Buffers ask for more than what was looked at.
+            if gone < self.clear_until[index] && !allowance.buffered {
                 continue;
             }
             match self.look(frames, allowance, index) {
@@ -117,9 +118,11 @@ impl<'c> Follower<'c> {
     fn step(&mut self, frames: &LegFrames) {
         let mut far = 0.0_f64;
         if let Some(last) = &self.last {
-            for place in 0..self.n_places {
-                let way = way_of(&last[place], &frames.links[place], &self.spheres[place]);
-                self.gone[place] += way;
+            let links = last.iter().zip(&frames.links).zip(&self.spheres);
+            for (gone, ((from, to), sphere)) in self.gone.iter_mut().zip(links.take(self.n_places))
+            {
+                let way = way_of(from, to, sphere);
+                *gone += way;
                 far = far.max(way);
             }
         }

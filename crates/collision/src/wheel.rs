@@ -295,11 +295,25 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
         // look.
         self.try_point(self.wheel.center.xy());
         let mut open: Vec<(f64, usize, usize)> = Vec::new();
-        for iy in ys.start..ys.end.saturating_sub(1) {
-            for ix in xs.start..xs.end.saturating_sub(1) {
-                let bound = self.bound_over(&under, ix, iy);
-                if self.best.is_none_or(|best| bound < best.gap) {
-                    open.push((bound, ix, iy));
+        let here = &*self;
+        let mut look = |ix: usize, iy: usize| {
+            if ix + 1 >= grid.nx || iy + 1 >= grid.ny {
+                return true; // a single row has no squares
+            }
+            let bound = here.bound_over(&under, ix, iy);
+            if here.best.is_none_or(|best| bound < best.gap) {
+                open.push((bound, ix, iy));
+            }
+            true
+        };
+        if here.map.holes().is_none() {
+            let may_be = |bound: f64| here.best.is_none_or(|best| bound < best.gap);
+            here.map.pyramid().descend(min, max, |block| may_be(under.over_block(block)), look);
+        } else {
+            // What is unknown must be met, and is nowhere high.
+            for iy in ys.start..ys.end.saturating_sub(1) {
+                for ix in xs.start..xs.end.saturating_sub(1) {
+                    look(ix, iy);
                 }
             }
         }
@@ -323,12 +337,7 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
         if heights.iter().sum::<f64>().is_nan() {
             return f64::NEG_INFINITY;
         }
-        let highest = highest_of(&heights);
-        let bound = under.lowest - highest;
-        if self.best.is_some_and(|best| bound >= best.gap) {
-            return bound;
-        }
-        let bound = bound.max(under.over_highest(self.map.grid().position(ix, iy), highest));
+        let bound = under.lowest - highest_of(&heights);
         if self.best.is_some_and(|best| bound >= best.gap) {
             return bound;
         }

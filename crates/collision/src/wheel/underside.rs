@@ -1,5 +1,6 @@
 //! Bounds of a wheel's lower side from below: planes that touch its round, as the wheel lies above them.
 
+use geometry::Block;
 use nalgebra::{Point2, Point3, Unit, Vector2, Vector3};
 
 use super::Cylinder;
@@ -58,21 +59,22 @@ impl Underside {
         }
     }
 
-    /// As [`over_square`](Self::over_square), less closely and more quickly: by the highest of the heights
-    /// and a parabola about the wheel's round.
-    pub fn over_highest(&self, corner: Point2<f64>, highest: f64) -> f64 {
-        let Some(level) = &self.level else { return self.lowest - highest };
-        let middle = corner - self.center.xy() + Vector2::repeat(self.half_side);
-        let (aside, along) = (level.aside.dot(&middle), level.along.dot(&middle));
-        let off = aside.abs() - self.half_diagonal;
-        if along.abs() - self.half_diagonal > level.reach || off > self.radius {
+    /// As [`over_square`](Self::over_square) for a block of squares, by its highest ground and a parabola
+    /// about the wheel's round: less close, and quicker.
+    pub fn over_block(&self, block: &Block) -> f64 {
+        let Some(level) = &self.level else { return self.lowest - block.top };
+        let half = (block.max - block.min) * 0.5;
+        let middle = block.min - self.center.xy() + half;
+        let spread = |way: &Vector2<f64>| half.x * way.x.abs() + half.y * way.y.abs();
+        let (along, wide) = (level.along.dot(&middle), spread(&level.along));
+        let off = level.aside.dot(&middle).abs() - spread(&level.aside);
+        if along.abs() - wide > level.reach || off > self.radius {
             return f64::INFINITY;
         }
         // A circle lies above the parabola that has its curvature at its lowest point.
         let off = off.max(0.0);
         let round = (self.radius - off * off / (2.0 * self.radius)) * level.steep;
-        let axle = level.rise * along - level.rise.abs() * self.half_diagonal;
-        self.center.z + axle - round - highest
+        self.center.z + level.rise * along - level.rise.abs() * wide - round - block.top
     }
 
     /// A gap that is no larger than any over the square from `corner` on, with these heights at its
