@@ -4,10 +4,12 @@
 //! where these leave it open; the same look serves one configuration and a whole piece of a motion
 //! ([`crate::certificate`]): for a piece every distance must exceed how far the bodies can get.
 
-use nalgebra::{Point2, Point3};
-use rover::{Frame, JointKind, LegAngles, LegChain, LegFrames, LegId, LinkId, Posture, place_of};
+use nalgebra::{Isometry3, Point2, Point3, Vector3};
+use rover::{
+    Frame, JointKind, LegAngles, LegChain, LegFrames, LegId, LinkId, Posture, Robot, place_of,
+};
 
-use crate::form::{Core, Placed};
+use crate::form::{Core, Form, Placed};
 use crate::ground::highest_known;
 use crate::look::{Ask, Look, better, look_at_ground, look_at_pair, look_at_solids};
 use crate::pairs::{Body, pair_tolerance};
@@ -89,6 +91,9 @@ pub struct Allowance<'z> {
     pub buffered: bool,
 }
 
+/// How far a part may be from round about a joint's axis, and still count as round (m at scale 1).
+const ROUND_ABOUT: f64 = 1e-9;
+
 /// One leg that moves while the rest of the robot stands.
 pub struct LegChecker<'a> {
     pub(crate) scene: &'a Scene,
@@ -99,23 +104,78 @@ pub struct LegChecker<'a> {
     pub(crate) moving: Vec<Moving<'a>>,
     pub(crate) fixed: Vec<Fixed<'a>>,
     /// The base and each other leg: parts of `fixed` that lie together.
-    groups: Vec<Group>,
+    pub(crate) groups: Vec<Group>,
     /// Obstacles within reach.
     pub(crate) near_solids: Vec<usize>,
     /// Highest ground within reach (m), if all of it is known.
-    roof: Option<f64>,
+    pub(crate) roof: Option<f64>,
     /// All that is looked at, from the wheel inward.
     pub(crate) items: Vec<Item>,
+}
+
+/// The inmost place that moves a part which is at `place_from_part` at the place given, and where it is
+/// there: a round part about a joint's axis, as most joints' housings are, is where it was however that
+/// joint turns.
+fn inmost(
+    robot: &Robot,
+    leg: LegId,
+    part: &Part,
+    mut place: usize,
+    mut place_from_part: Isometry3<f64>,
+) -> (usize, Isometry3<f64>) {
+    let model = robot.leg(leg);
+    let slack = ROUND_ABOUT * robot.scale();
+    while place > 0 {
+        let joint = &robot.joints()[model.joints[place]];
+        let center = place_from_part.translation.vector;
+        let is_on_axis = center.cross(&joint.axis).norm() <= slack;
+        let along = place_from_part * Vector3::y();
+        let is_round = match part.form {
+            Form::Sphere { .. } => true,
+            Form::Cylinder { .. } | Form::Capsule { .. } => {
+                along.cross(&joint.axis).norm() * part.core.half.norm().max(part.core.radius)
+                    <= slack
+            }
+            Form::Box { .. } | Form::Hull { .. } => false,
+        };
+        let carrier = place_of(robot, leg, joint.parent);
+        match carrier {
+            Some((inner, inner_from_parent))
+                if joint.kind == JointKind::Revolute && is_on_axis && is_round =>
+            {
+                place_from_part = inner_from_parent * joint.parent_from_joint * place_from_part;
+                place = inner;
+            }
+            _ => break,
+        }
+    }
+    (place, place_from_part)
 }
 
 /// A part of the moving leg.
 pub(crate) struct Moving<'a> {
     pub part: &'a Part,
+    /// The place of the leg that moves it: see [`inmost`].
     pub place: usize,
     place_from_part: Frame,
+    /// Where the part is on the link of its body.
+    pub link_from_part: Frame,
     pub is_foot: bool,
     /// Clearance that each other moving part keeps from it (m).
     pub required: Vec<Option<f64>>,
+}
+
+impl Moving<'_> {
+    /// Where the part is in the frame of the link that moves it.
+    pub fn place_from_part(&self) -> &Frame {
+        &self.place_from_part
+    }
+
+    /// A sphere in the frame of the link that moves it that holds the part: center and radius (m).
+    pub fn sphere_in_place(&self) -> (Point3<f64>, f64) {
+        let core = &self.part.core;
+        (Point3::from(self.place_from_part.origin), core.half.norm() + core.radius)
+    }
 }
 
 pub(crate) struct Fixed<'a> {
@@ -125,12 +185,12 @@ pub(crate) struct Fixed<'a> {
     pub required: Vec<Option<f64>>,
 }
 
-struct Group {
-    center: Point3<f64>,
-    radius: f64,
-    members: std::ops::Range<usize>,
+pub(crate) struct Group {
+    pub center: Point3<f64>,
+    pub radius: f64,
+    pub members: std::ops::Range<usize>,
     /// Greatest clearance that any of its pairs keeps (m).
-    most_required: f64,
+    pub most_required: f64,
 }
 
 /// One thing to look at: a moving part and what it is held against.
@@ -199,13 +259,19 @@ impl<'a> LegChecker<'a> {
         let mut rest: Vec<&Part> = Vec::new();
         for part in scene.parts.iter() {
             match place_of(robot, leg, part.link) {
-                Some((place, place_from_link)) => moving.push(Moving {
-                    part,
-                    place,
-                    place_from_part: Frame::from(&(place_from_link * part.link_from_part)),
-                    is_foot: part.body.is_outermost(robot),
-                    required: Vec::new(),
-                }),
+                Some((place, place_from_link)) => {
+                    let at = place_from_link * part.link_from_part;
+                    let link_from_part = Frame::from(&at);
+                    let (place, place_from_part) = inmost(robot, leg, part, place, at);
+                    moving.push(Moving {
+                        part,
+                        place,
+                        link_from_part,
+                        place_from_part: Frame::from(&place_from_part),
+                        is_foot: part.body.is_outermost(robot),
+                        required: Vec::new(),
+                    });
+                }
                 None => rest.push(part),
             }
         }
@@ -265,9 +331,7 @@ impl<'a> LegChecker<'a> {
             let same = |f: &&Fixed| body_of(f) == body_of(&self.fixed[start]);
             let end = start + self.fixed[start..].iter().take_while(same).count();
             let members = &self.fixed[start..end];
-            let sum = members
-                .iter()
-                .fold(nalgebra::Vector3::zeros(), |sum, f| sum + f.placed.frame.origin);
+            let sum = members.iter().fold(Vector3::zeros(), |sum, f| sum + f.placed.frame.origin);
             let center = Point3::from(sum / members.len() as f64);
             let radius = members
                 .iter()
@@ -392,7 +456,7 @@ impl<'a> LegChecker<'a> {
                 let place = place.min(model.n_joints() - 1);
                 Frame::from(posture.link(model.links[place]))
             }),
-            axes: [nalgebra::Vector3::zeros(); 6],
+            axes: [Vector3::zeros(); 6],
             slides: [false; 6],
         }
     }
@@ -527,12 +591,25 @@ impl<'a> LegChecker<'a> {
         let moving = &self.moving[index];
         let lift = if moment.allowance.buffered { self.keep.terrain_lift } else { 0.0 };
         let required = moment.required(self.environment());
+        // The foot may come nearer where it is allowed to touch: the usual question for a wheel that
+        // stands, so it comes first.
+        let zone = moment.allowance.zone.filter(|_| moving.is_foot);
+        let in_zone = zone.zip(zone.and_then(|_| self.zone_holds(moment, scratch)));
+        let in_zone = in_zone.map(|(zone, surely)| {
+            // Who only asks for touches is told of the tolerance itself.
+            let slack = if moment.touch_only { 1.0 } else { DEPTH_SLACK };
+            let depth = slack * zone.ground_tolerance;
+            let lift = if moving.part.is_wheel { -depth } else { 0.0 };
+            (self.look_at_raised_ground(moment, moving, here, 0.0, lift), surely)
+        });
+        if let Some((Look::Clear, true)) = in_zone {
+            return Look::Clear;
+        }
         let usual = self.look_at_raised_ground(moment, moving, here, required, lift);
         if !moving.is_foot || matches!(usual, Look::Clear) {
             return usual;
         }
-        // The foot may come nearer where it is allowed to touch, and about the footfalls the ground
-        // is not raised. One of these must hold for all of the piece.
+        // About the footfalls the ground is not raised. One of these must hold for all of the piece.
         let mut worst = usual;
         if lift > 0.0
             && let Some(surely) = self.over_footfall(scratch)
@@ -540,14 +617,7 @@ impl<'a> LegChecker<'a> {
             let look = self.look_at_raised_ground(moment, moving, here, required, 0.0);
             worst = better(worst, look, surely);
         }
-        if let (Some(zone), Some(surely)) =
-            (moment.allowance.zone, self.zone_holds(moment, scratch))
-        {
-            // Who only asks for touches is told of the tolerance itself.
-            let slack = if moment.touch_only { 1.0 } else { DEPTH_SLACK };
-            let depth = slack * zone.ground_tolerance;
-            let lift = if moving.part.is_wheel { -depth } else { 0.0 };
-            let look = self.look_at_raised_ground(moment, moving, here, 0.0, lift);
+        if let Some((look, surely)) = in_zone {
             worst = better(worst, look, surely);
         }
         worst

@@ -12,7 +12,7 @@ use rover::{Frame, Leg, LegAngles, LegId, LinkId, MAX_SOLUTIONS, NoSolution, Pos
 
 use crate::scene::Scene;
 use crate::touchdown::{FootfallPlace, Touchdown, footfall_place};
-use crate::wheel::{contact_center, wheel_ground};
+use crate::wheel::{contact_center, wheel_ground, wheel_ground_near};
 
 /// Yaws tried about the ground's normal (rad), from the one that keeps the knee roll small.
 const YAWS: [f64; 7] = [0.0, 0.524, -0.524, 1.047, -1.047, 1.571, -1.571];
@@ -113,7 +113,8 @@ impl<'a> Footings<'a> {
         let normal = place.normal.into_inner();
         let axle = (heading - normal * normal.dot(&heading)).try_normalize(1e-9)?;
         let across = normal.cross(&axle);
-        Some(Footing { of: self, place, axle, across, seats: ArrayVec::new_const() })
+        let seats = ArrayVec::new_const();
+        Some(Footing { of: self, place, axle, across, seats, nearest: None })
     }
 }
 
@@ -127,6 +128,9 @@ pub struct Footing<'a> {
     across: Vector3<f64>,
     /// By yaw, those that have been asked for.
     seats: ArrayVec<(usize, Result<Seat, NoSeat>), { YAWS.len() }>,
+    /// The point of ground that a wheel seated here, or next to here, was nearest to: a good place to
+    /// look at first.
+    pub nearest: Option<Point2<f64>>,
 }
 
 impl Footing<'_> {
@@ -165,10 +169,11 @@ impl Footing<'_> {
         seat
     }
 
-    fn seated(&self, wheel: &WheelPose) -> Result<Seat, NoSeat> {
+    fn seated(&mut self, wheel: &WheelPose) -> Result<Seat, NoSeat> {
         let map = self.of.scene.map();
-        let below = wheel_ground(wheel, map, |_| true);
+        let below = wheel_ground_near(wheel, map, self.nearest, |_| true);
         let gap = below.nearest.filter(|_| !below.unknown).ok_or(NoSeat::Unknown)?;
+        self.nearest = Some(gap.ground.xy());
         if gap.gap.abs() > SEATING_SHIFT * wheel.radius {
             return Err(NoSeat::Uneven(gap.gap.abs()));
         }
@@ -201,6 +206,11 @@ impl Footing<'_> {
         self.wheel(&self.seated_frame(orientation, seat, 0.0))
     }
 
+    /// Number of an orientation's yaw: those that share it are of the same solid wheel.
+    pub fn yaw_of(&self, orientation: usize) -> usize {
+        self.of.yaw_of(orientation)
+    }
+
     /// Number of orientations.
     pub(crate) fn n_orientations(&self) -> usize {
         self.of.n_orientations()
@@ -212,7 +222,7 @@ impl Footing<'_> {
     }
 
     /// The wheel `lift` (m) above its seat, in `world`.
-    pub(crate) fn seated_frame(&self, orientation: usize, seat: &Seat, lift: f64) -> Frame {
+    pub fn seated_frame(&self, orientation: usize, seat: &Seat, lift: f64) -> Frame {
         let mut frame = self.frame(orientation);
         frame.origin.z += seat.shift + lift;
         frame
@@ -230,6 +240,19 @@ impl Footing<'_> {
         let model = self.of.model;
         let solutions = model.ik.solve_within(model, &self.of.base_from_world.after(&frame))?;
         Ok(solutions.into_iter().map(|s| s.angles).collect())
+    }
+
+    /// Of the [`angles`](Self::angles) those nearest to others, by the joint that differs most.
+    pub fn nearest_angles(
+        &self,
+        orientation: usize,
+        seat: &Seat,
+        lift: f64,
+        to: &LegAngles,
+    ) -> Option<LegAngles> {
+        let frame = self.seated_frame(orientation, seat, lift);
+        let model = self.of.model;
+        model.ik.solve_nearest(model, &self.of.base_from_world.after(&frame), to)
     }
 
     /// The wheel put down with these joint angles, which came from [`angles`](Self::angles); none if

@@ -227,6 +227,26 @@ pub(crate) fn toward(
     (!apart).then_some(n)
 }
 
+/// A distance (m) that two shapes are at least apart, quickly: where it is beyond `enough`, by spheres
+/// alone. Negative where nothing is known.
+pub(crate) fn apart_by(a: &Placed, form_a: &Form, b: &Placed, form_b: &Form, enough: f64) -> f64 {
+    let between = b.frame.origin - a.frame.origin;
+    let by_spheres = between.norm() - a.bound - b.bound;
+    if by_spheres >= enough {
+        return by_spheres;
+    }
+    let (p, q) = match (form_a, form_b) {
+        (_, Form::Box { half }) => segment_to_box(a, b, half),
+        (Form::Box { half }, _) => {
+            let (q, p) = segment_to_box(b, a, half);
+            (p, q)
+        }
+        _ => segment_to_segment(a, b),
+    };
+    let Some(n) = (q - p).try_normalize(1e-9) else { return by_spheres };
+    by_spheres.max(n.dot(&between) - a.support(form_a, &n) - b.support(form_b, &-n))
+}
+
 /// Is a point at least `distance` (m) away from a box?
 fn outside_box(p: &Point3<f64>, at: &Placed, half: &Vector3<f64>, distance: f64) -> bool {
     let local = at.frame.rotation.tr_mul(&(p - at.center()));

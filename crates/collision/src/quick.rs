@@ -1,8 +1,8 @@
 //! One leg in many configurations that are much alike: what was in the way last is looked at first.
 
-use rover::{LegChain, LegFrames};
+use rover::{Frame, LegAngles, LegChain, LegFrames};
 
-use crate::checker::{Allowance, LegChecker, Moment, Scratch, Touch};
+use crate::checker::{Against, Allowance, LegChecker, Moment, Scratch, Touch};
 use crate::look::Look;
 
 /// What was in the way last, of a configuration like the next one. Starts as nothing in particular.
@@ -14,12 +14,31 @@ pub struct Hint(usize);
 pub struct QuickChecker<'c> {
     checker: &'c LegChecker<'c>,
     scratch: Scratch,
+    /// From the link that carries the wheel to the wheel's frame.
+    wheel_from_carrier: Frame,
+    /// Frames of which only the carrier's counts.
+    carried: LegFrames,
+}
+
+/// What is in the way of a foot, whatever the other joints of its leg.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FootTouch {
+    /// What touches what.
+    pub touch: Touch,
+    /// True if it is the wheel itself, which is the same solid whatever the pitch of its fork.
+    pub is_wheel: bool,
 }
 
 impl<'c> QuickChecker<'c> {
     /// Prepares quick checks.
     pub fn new(checker: &'c LegChecker<'c>) -> QuickChecker<'c> {
-        QuickChecker { checker, scratch: Scratch::new(checker) }
+        let wheel = &checker.scene.robot().leg(checker.leg()).wheel;
+        QuickChecker {
+            checker,
+            scratch: Scratch::new(checker),
+            wheel_from_carrier: Frame::from(&wheel.carrier_from_wheel.inverse()),
+            carried: checker.chain().frames(&LegAngles::zeros()),
+        }
     }
 
     /// The kinematics of the moving leg.
@@ -62,6 +81,37 @@ impl<'c> QuickChecker<'c> {
         let moment = Moment::still(frames, allowance);
         match self.checker.look(&moment, item, &mut self.scratch) {
             Look::Violated(violation) => Some(violation.touch),
+            Look::Clear | Look::Open(_) => None,
+        }
+    }
+
+    /// As [`touch_at`](Self::touch_at) for a wheel in `world`, before its leg's joint angles are known:
+    /// nothing unless the hint is about the wheel, or what is fixed to its fork, and about what does not
+    /// move with the leg.
+    pub fn foot_touch_at(
+        &mut self,
+        wheel: &Frame,
+        allowance: Allowance,
+        hint: Hint,
+    ) -> Option<FootTouch> {
+        let item = self.checker.items.get(hint.0)?;
+        let moving = &self.checker.moving[usize::from(item.moving)];
+        if !moving.is_foot || matches!(item.against, Against::Own(_)) {
+            return None;
+        }
+        let carrier = wheel.after(&self.wheel_from_carrier);
+        self.carried.links.fill(carrier);
+        if moving.place + 1 < self.checker.scene.robot().leg(self.checker.leg()).n_joints() {
+            // A part that does not turn with the last joint: where that link would have to be.
+            let part = carrier.after(&moving.link_from_part);
+            self.carried.links[moving.place] = part.after(&moving.place_from_part().inverse());
+        }
+        self.scratch.clear();
+        let moment = Moment::still(&self.carried, allowance);
+        match self.checker.look(&moment, item, &mut self.scratch) {
+            Look::Violated(violation) => {
+                Some(FootTouch { touch: violation.touch, is_wheel: moving.part.is_wheel })
+            }
             Look::Clear | Look::Open(_) => None,
         }
     }

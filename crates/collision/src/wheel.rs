@@ -66,7 +66,23 @@ pub fn wheel_ground(
     map: &ElevationMap,
     keep: impl Fn(Point2<f64>) -> bool,
 ) -> WheelGround {
+    wheel_ground_near(wheel, map, None, keep)
+}
+
+/// As [`wheel_ground`], looking first at a point that a wheel much like it was nearest to: the answer is
+/// the same to 1e-8 m and comes sooner.
+pub(crate) fn wheel_ground_near(
+    wheel: &WheelPose,
+    map: &ElevationMap,
+    near: Option<Point2<f64>>,
+    keep: impl Fn(Point2<f64>) -> bool,
+) -> WheelGround {
     let mut search = Search { wheel: Cylinder::new(wheel), map, keep, best: None, unknown: false };
+    if let Some(near) = near
+        && map.height_at(near).is_some()
+    {
+        search.try_point(near);
+    }
     let (min, max) = search.wheel.footprint();
     // Coarse grids leave few nodes below the wheel: look between them too.
     if 3.0 * map.grid().resolution > wheel.radius.min(wheel.width) {
@@ -190,6 +206,24 @@ impl Cylinder {
     }
 }
 
+/// The place of the least bound.
+fn lowest_of(open: &[(f64, usize, usize)]) -> Option<usize> {
+    let mut least = open.first()?.0;
+    let mut place = 0;
+    for (at, (bound, ..)) in open.iter().enumerate() {
+        if *bound < least {
+            (least, place) = (*bound, at);
+        }
+    }
+    Some(place)
+}
+
+/// The highest of four known heights.
+fn highest_of(heights: &[f64; 4]) -> f64 {
+    let higher = |a: f64, b: f64| if b > a { b } else { a };
+    higher(higher(heights[0], heights[1]), higher(heights[2], heights[3]))
+}
+
 struct Search<'a, F> {
     wheel: Cylinder,
     map: &'a ElevationMap,
@@ -215,6 +249,14 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
             self.unknown = true;
             return None;
         };
+        self.try_over(p, lower, ground)
+    }
+
+    /// As [`try_height`](Self::try_height) over ground of known height.
+    fn try_over(&mut self, p: Point2<f64>, lower: f64, ground: f64) -> Option<f64> {
+        if !(self.keep)(p) {
+            return None;
+        }
         let gap = lower - ground;
         if self.best.is_none_or(|best| gap < best.gap) {
             self.best = Some(WheelGap { gap, ground: Point3::new(p.x, p.y, ground) });
@@ -253,21 +295,38 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
         // look.
         self.try_point(self.wheel.center.xy());
         let mut open: Vec<(f64, usize, usize)> = Vec::new();
-        for iy in ys.start..ys.end.saturating_sub(1) {
-            for ix in xs.start..xs.end.saturating_sub(1) {
-                let bound = self.bound_over(&under, ix, iy);
-                if self.best.is_none_or(|best| bound < best.gap) {
-                    open.push((bound, ix, iy));
+        let here = &*self;
+        let mut look = |ix: usize, iy: usize| {
+            if ix + 1 >= grid.nx || iy + 1 >= grid.ny {
+                return true; // a single row has no squares
+            }
+            let bound = here.bound_over(&under, ix, iy);
+            if here.best.is_none_or(|best| bound < best.gap) {
+                open.push((bound, ix, iy));
+            }
+            true
+        };
+        if here.map.holes().is_none() {
+            let may_be = |bound: f64| here.best.is_none_or(|best| bound < best.gap);
+            here.map.pyramid().descend(min, max, |block| may_be(under.over_block(block)), look);
+        } else {
+            // What is unknown must be met, and is nowhere high.
+            for iy in ys.start..ys.end.saturating_sub(1) {
+                for ix in xs.start..xs.end.saturating_sub(1) {
+                    look(ix, iy);
                 }
             }
         }
         // The most promising first: it nearly always has the nearest point of all.
-        while let Some(next) = (0..open.len()).min_by(|a, b| open[*a].0.total_cmp(&open[*b].0)) {
+        while let Some(next) = lowest_of(&open) {
             let (bound, ix, iy) = open.swap_remove(next);
             if self.best.is_some_and(|best| bound >= best.gap) {
                 break;
             }
             self.try_square(&under, ix, iy);
+            if let Some(best) = self.best {
+                open.retain(|(bound, ..)| *bound < best.gap);
+            }
         }
     }
 
@@ -278,8 +337,7 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
         if heights.iter().sum::<f64>().is_nan() {
             return f64::NEG_INFINITY;
         }
-        let highest = heights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        let bound = under.lowest - highest;
+        let bound = under.lowest - highest_of(&heights);
         if self.best.is_some_and(|best| bound >= best.gap) {
             return bound;
         }
@@ -302,7 +360,9 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
             });
         }
         self.try_supports(ix, iy);
-        for [a, b] in [[1, 2], [0, 1], [0, 2], [1, 3], [2, 3]] {
+        // The edges on the far sides are those of the squares beyond, which are looked at if they may be
+        // nearer.
+        for [a, b] in [[1, 2], [0, 1], [0, 2]] {
             self.try_edge([places[a], places[b]], [heights[a], heights[b]], under);
         }
     }
@@ -350,7 +410,10 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
             return true;
         }
         let t = line.nearest(rise);
-        self.try_point(a + (b - a) * t);
+        let p = a + (b - a) * t;
+        if let Some(lower) = self.wheel.lower_side(p) {
+            self.try_over(p, lower, za + rise * t);
+        }
         beaten(self, t, SETTLED)
     }
 

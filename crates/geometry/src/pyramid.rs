@@ -35,6 +35,9 @@ pub struct Block {
 /// Most levels: a raster of 2^31 nodes a side.
 const MAX_LEVELS: usize = 32;
 
+/// Levels below which a descent is short.
+const SHORT: usize = 4;
+
 impl MaxPyramid {
     /// Builds the pyramid; unknown (NaN) nodes count as infinitely low. A raster of a single row or
     /// column has that row or column as its squares.
@@ -91,15 +94,34 @@ impl MaxPyramid {
     ) {
         let Some([x0, x1, y0, y1]) = self.squares(min, max) else { return };
         let top_level = self.level_for(x1 - x0, y1 - y0);
-        // Depth first: three siblings wait on each level below the first one.
-        let mut stack = [(0_usize, 0_usize, 0_usize); 3 * MAX_LEVELS + 1];
+        // Depth first: three siblings wait on each level below the first one. Most descents are short,
+        // and a stack for the longest would take longer to clear than they do.
+        if top_level < SHORT {
+            let mut stack = [(0_u32, 0_u32, 0_u32); 3 * SHORT + 1];
+            self.descend_from(top_level, [x0, x1, y0, y1], &mut stack, &mut enter, &mut square);
+        } else {
+            let mut stack = [(0_u32, 0_u32, 0_u32); 3 * MAX_LEVELS + 1];
+            self.descend_from(top_level, [x0, x1, y0, y1], &mut stack, &mut enter, &mut square);
+        }
+    }
+
+    fn descend_from(
+        &self,
+        top_level: usize,
+        [x0, x1, y0, y1]: [usize; 4],
+        stack: &mut [(u32, u32, u32)],
+        enter: &mut impl FnMut(&Block) -> bool,
+        square: &mut impl FnMut(usize, usize) -> bool,
+    ) {
         for iy in y0 >> top_level..=y1 >> top_level {
             for ix in x0 >> top_level..=x1 >> top_level {
-                stack[0] = (top_level, ix, iy);
+                // A raster has fewer than 2^31 nodes a side.
+                stack[0] = (top_level as u32, ix as u32, iy as u32);
                 let mut n = 1;
                 while n > 0 {
                     n -= 1;
                     let (level, ix, iy) = stack[n];
+                    let (level, ix, iy) = (level as usize, ix as usize, iy as usize);
                     if !enter(&self.block(level, ix, iy)) {
                         continue;
                     }
@@ -117,7 +139,7 @@ impl MaxPyramid {
                             && jy >= y0 >> below
                             && jy <= y1 >> below;
                         if inside {
-                            stack[n] = (below, jx, jy);
+                            stack[n] = (below as u32, jx as u32, jy as u32);
                             n += 1;
                         }
                     }

@@ -7,8 +7,8 @@
 
 use arrayvec::ArrayVec;
 use collision::{
-    Allowance, ContactZone, Footing, Footings, Hint, LegChecker, NoTouchdown, QuickChecker, Seat,
-    Touch, Touchdown, Violation, no_touchdown, touchdown_cost,
+    Allowance, ContactZone, Follower, Footing, Footings, Hint, LegChecker, NoTouchdown,
+    QuickChecker, Seat, Touch, Touchdown, Violation, no_touchdown, touchdown_cost,
 };
 use nalgebra::{Point2, Point3};
 use rover::{LegAngles, LegFrames, MAX_SOLUTIONS};
@@ -74,20 +74,34 @@ pub(crate) struct Searcher<'a> {
     checker: &'a LegChecker<'a>,
     quick: QuickChecker<'a>,
     hints: Vec<Hints>,
+    /// The leg from one reachable cell to the next: on the ground, and at the waypoint above.
+    follows: [Follower<'a>; 2],
+    /// The point of ground that the wheel was nearest to when it was seated last.
+    nearest: Option<Point2<f64>>,
 }
 
 /// What was in the way last in an orientation: nearly always it is so in the next cell.
 #[derive(Debug, Clone, Copy, Default)]
 struct Hints {
     down: Hint,
-    lifted: Hint,
+    /// By solution at the waypoint above.
+    lifted: [Hint; MAX_SOLUTIONS],
 }
 
 impl<'a> Searcher<'a> {
     pub fn new(look: &'a Look<'a>, checker: &'a LegChecker<'a>) -> Searcher<'a> {
         let footings = Footings::new(look.scene, &look.posture, look.leg, look.options.heading);
         let hints = vec![Hints::default(); footings.n_orientations()];
-        Searcher { look, footings, checker, quick: QuickChecker::new(checker), hints }
+        let quick = QuickChecker::new(checker);
+        let follows = [Follower::new(checker), Follower::new(checker)];
+        Searcher { look, footings, checker, quick, hints, follows, nearest: None }
+    }
+
+    /// Begins another tile: nothing that was seen before counts.
+    pub fn begin(&mut self) {
+        self.hints.fill(Hints::default());
+        self.follows.iter_mut().for_each(Follower::begin);
+        self.nearest = None;
     }
 
     /// The answer at `p`; `worked` are ways that worked nearby.
@@ -96,9 +110,10 @@ impl<'a> Searcher<'a> {
         if beyond > 0.0 {
             return Found::nothing(CellClass::Unreachable, Reason::OutOfReach, beyond);
         }
-        let Some(footing) = self.footings.at(p) else {
+        let Some(mut footing) = self.footings.at(p) else {
             return Found::nothing(CellClass::Unknown, Reason::UnknownGround, f64::NAN);
         };
+        footing.nearest = self.nearest;
         // The footing borrows what it was made by, not what the checks change.
         let (look, checker) = (self.look, self.checker);
         let mut search = Search {
@@ -106,11 +121,15 @@ impl<'a> Searcher<'a> {
             checker,
             quick: &mut self.quick,
             hints: &mut self.hints,
+            follows: &mut self.follows,
             footing,
             n_orientations: self.footings.n_orientations(),
             best: None,
+            blocked_yaws: [0; 2],
         };
-        search.cell(p, worked)
+        let found = search.cell(p, worked);
+        self.nearest = search.footing.nearest;
+        found
     }
 
     /// The way as others know it.
@@ -119,34 +138,58 @@ impl<'a> Searcher<'a> {
     }
 }
 
+type Solutions = ArrayVec<LegAngles, MAX_SOLUTIONS>;
+
+/// A wheel put down in one orientation.
+struct PutDown {
+    orientation: usize,
+    seat: Seat,
+    /// Joint angles at the waypoint above, once they have been asked for, and what is in the way of
+    /// each, once that has.
+    above: Option<Solutions>,
+    in_the_way: [Option<Option<Touch>>; MAX_SOLUTIONS],
+}
+
+impl PutDown {
+    fn new(orientation: usize, seat: Seat) -> PutDown {
+        PutDown { orientation, seat, above: None, in_the_way: [None; MAX_SOLUTIONS] }
+    }
+}
+
 struct Search<'s, 'a> {
     look: &'s Look<'a>,
     checker: &'s LegChecker<'a>,
     quick: &'s mut QuickChecker<'a>,
     hints: &'s mut [Hints],
+    follows: &'s mut [Follower<'a>; 2],
     footing: Footing<'s>,
     n_orientations: usize,
     /// The way that got furthest; of equals the first.
     best: Option<(Rank, Way)>,
+    /// Yaws, by their bits, in which the wheel itself is known to collide: on the ground, and lifted.
+    blocked_yaws: [u8; 2],
 }
 
 impl Search<'_, '_> {
     fn cell(&mut self, p: Point2<f64>, worked: &[Option<Worked>]) -> Found {
+        let refused = self.unsafe_ground(p);
+        if refused.is_none() {
+            for worked in worked.iter().flatten() {
+                if self.footing.missed(worked.orientation) <= 0.0
+                    && let Some(way) = self.again(worked)
+                {
+                    return self.reachable(way);
+                }
+            }
+        }
         let misses: ArrayVec<f64, 35> =
             (0..self.n_orientations).map(|o| self.footing.missed(o)).collect();
         let missed = misses.iter().copied().fold(f64::INFINITY, f64::min);
         if missed > 0.0 {
             return Found::nothing(CellClass::Unreachable, Reason::OutOfReach, missed);
         }
-        if let Some(refused) = self.unsafe_ground(p) {
+        if let Some(refused) = refused {
             return refused;
-        }
-        for worked in worked.iter().flatten() {
-            if misses[worked.orientation] <= 0.0
-                && let Some(way) = self.again(worked)
-            {
-                return self.reachable(way);
-            }
         }
         for orientation in (0..self.n_orientations).filter(|o| misses[*o] <= 0.0) {
             if let Some(way) = self.orientation(orientation) {
@@ -186,27 +229,47 @@ impl Search<'_, '_> {
     /// The way most like one that worked nearby, if it works here too.
     fn again(&mut self, worked: &Worked) -> Option<Way> {
         let seat = self.footing.seat(worked.orientation).ok()?;
-        let all = self.footing.angles(worked.orientation, &seat, 0.0).ok()?;
-        let from = |q: &LegAngles| (q - worked.angles).amax();
-        let angles = all.into_iter().min_by(|a, b| from(a).total_cmp(&from(b)))?;
-        let tried = self.way(worked.orientation, &seat, angles, true)?;
-        (tried.rank == Rank::Reachable).then_some(tried.way)
+        let (orientation, lift) = (worked.orientation, self.look.options.lift);
+        let angles = self.footing.nearest_angles(orientation, &seat, 0.0, &worked.angles)?;
+        let frames = self.quick.chain().frames(&angles);
+        let mut way = self.placed(&PutDown::new(orientation, seat), angles, &frames)?;
+        way.raised = Some(self.footing.nearest_angles(orientation, &seat, lift, &angles)?);
+        if !(self.look.can_lift_off && self.look.holds(&way)) {
+            return None;
+        }
+        let zone = self.look.zone(&way);
+        let allowance = Allowance { zone: Some(&zone), buffered: false };
+        let [down, lifted] = &mut *self.follows;
+        if down.touch(&frames, allowance).is_some() {
+            return None;
+        }
+        let frames = self.quick.chain().frames(&way.raised?);
+        lifted.touch(&frames, Allowance::default()).is_none().then_some(way)
     }
 
     /// The first way in an orientation that works; the best of the others is kept.
     fn orientation(&mut self, orientation: usize) -> Option<Way> {
         let seat = self.footing.seat(orientation).ok()?;
+        let mut put = PutDown::new(orientation, seat);
+        let to_beat = self.to_beat();
+        if (to_beat >= Some(Rank::Collides) && self.is_foot_blocked(&put, false))
+            || (to_beat >= Some(Rank::NoLift) && self.above(&mut put).is_empty())
+            || (to_beat == Some(Rank::LiftCollides)
+                && (self.is_foot_blocked(&put, true) || !self.is_free_above(&mut put)))
+        {
+            return None;
+        }
         let mut all = self.footing.angles(orientation, &seat, 0.0).ok()?;
         let cost = |q: &LegAngles| touchdown_cost(q, &self.look.angles);
         all.sort_by(|a, b| cost(a).total_cmp(&cost(b)));
         for angles in all {
-            // Nothing but success gets further than the best then.
-            let hopeful = matches!(self.best, Some((Rank::LiftCollides, _)));
-            let Some(tried) = self.way(orientation, &seat, angles, hopeful) else { continue };
+            // What gets no further than the best so far is of no use.
+            let to_beat = self.to_beat();
+            let Some(tried) = self.way(&mut put, angles, to_beat) else { continue };
             if tried.rank == Rank::Reachable {
                 return Some(tried.way);
             }
-            if !hopeful && self.best.is_none_or(|(rank, _)| tried.rank > rank) {
+            if to_beat.is_none_or(|rank| tried.rank > rank) {
                 self.best = Some((tried.rank, tried.way));
             }
             if tried.touch.is_some_and(|touch| self.look.is_of_the_wheel(touch)) {
@@ -216,75 +279,128 @@ impl Search<'_, '_> {
         None
     }
 
-    /// What one way is worth; none if the wheel would not stand. Where only success counts, a way that
-    /// fails may be called worse than it is.
+    /// Is something in the way of the foot, on the ground or `lifted`, whatever the joint angles? `false`
+    /// is no answer.
+    fn is_foot_blocked(&mut self, put: &PutDown, lifted: bool) -> bool {
+        if !self.look.robot.leg(self.look.leg).ik.fixes_orientation() {
+            return false;
+        }
+        let yaw = 1 << self.footing.yaw_of(put.orientation);
+        let blocked = &mut self.blocked_yaws[usize::from(lifted)];
+        if *blocked & yaw != 0 {
+            return true;
+        }
+        let lift = if lifted { self.look.options.lift } else { 0.0 };
+        let wheel = self.footing.seated_frame(put.orientation, &put.seat, lift);
+        let zone = self.look.zone_about(put.seat.contact, wheel.origin.into());
+        let zone = Some(&zone).filter(|_| !lifted);
+        let hints = &self.hints[put.orientation];
+        let hint = if lifted { hints.lifted[0] } else { hints.down };
+        let allowance = Allowance { zone, buffered: false };
+        let touch = self.quick.foot_touch_at(&wheel, allowance, hint);
+        // The wheel is the same solid whatever the pitch of its fork.
+        if touch.is_some_and(|touch| touch.is_wheel) {
+            *blocked |= yaw;
+        }
+        touch.is_some()
+    }
+
+    fn to_beat(&self) -> Option<Rank> {
+        self.best.map(|(rank, _)| rank)
+    }
+
+    /// Joint angles at the waypoint above.
+    fn above<'p>(&self, put: &'p mut PutDown) -> &'p Solutions {
+        put.above.get_or_insert_with(|| {
+            let lift = self.look.options.lift;
+            self.footing.angles(put.orientation, &put.seat, lift).unwrap_or_default()
+        })
+    }
+
+    /// Are any of the joint angles at the waypoint above free?
+    fn is_free_above(&mut self, put: &mut PutDown) -> bool {
+        for solution in 0..self.above(put).len() {
+            match self.lifted(put, solution) {
+                None => return true,
+                // With other joint angles the wheel is where it was.
+                Some(touch) if self.look.is_of_the_wheel(touch) => return false,
+                Some(_) => {}
+            }
+        }
+        false
+    }
+
+    /// What is in the way of the leg at the waypoint above.
+    fn lifted(&mut self, put: &mut PutDown, solution: usize) -> Option<Touch> {
+        if let Some(known) = put.in_the_way[solution] {
+            return known;
+        }
+        let frames = self.quick.chain().frames(&self.above(put)[solution]);
+        let hint = &mut self.hints[put.orientation].lifted[solution];
+        let touch = self.quick.touch(&frames, Allowance::default(), hint);
+        put.in_the_way[solution] = Some(touch);
+        touch
+    }
+
+    /// What one way is worth; none if the wheel would not stand. A way that gets no further than
+    /// `to_beat` may be called worse than it is.
     fn way(
         &mut self,
-        orientation: usize,
-        seat: &Seat,
+        put: &mut PutDown,
         angles: LegAngles,
-        only_success: bool,
+        to_beat: Option<Rank>,
     ) -> Option<Tried> {
         let frames = self.quick.chain().frames(&angles);
-        let mut way = self.placed(orientation, seat, angles, &frames)?;
+        let mut way = self.placed(put, angles, &frames)?;
         let fails = |rank, way, touch| Some(Tried { rank, way, touch });
         if !self.look.holds(&way) {
             return fails(Rank::Unstable, way, None);
         }
         let zone = self.look.zone(&way);
         let allowance = Allowance { zone: Some(&zone), buffered: false };
-        if only_success {
-            // What is likely to be in the way first: here, then at the waypoint above.
-            let down = self.hints[orientation].down;
-            if self.quick.touch_at(&frames, allowance, down).is_some()
-                || self.lift(&mut way).is_err()
-            {
+        let only_success = to_beat == Some(Rank::LiftCollides);
+        if to_beat >= Some(Rank::NoLift) {
+            // What is likely to be in the way first: at the waypoint above, then here.
+            let Some(above) = nearest(self.above(put), &angles) else {
                 return fails(Rank::Unstable, way, None);
+            };
+            way.raised = Some(put.above.as_ref()?[above]);
+            if only_success && let Some(touch) = self.lifted(put, above) {
+                return fails(Rank::Unstable, way, Some(touch));
+            }
+            let down = self.hints[put.orientation].down;
+            if let Some(touch) = self.quick.touch_at(&frames, allowance, down) {
+                return fails(Rank::Unstable, way, Some(touch));
             }
         }
-        let hint = &mut self.hints[orientation].down;
+        let hint = &mut self.hints[put.orientation].down;
         if let Some(touch) = self.quick.touch(&frames, allowance, hint) {
             return fails(Rank::Collides, way, Some(touch));
         }
         if !self.look.can_lift_off {
             return fails(Rank::NoLift, way, None);
         }
-        if !only_success && let Err((rank, touch)) = self.lift(&mut way) {
-            return fails(rank, way, touch);
+        if !only_success {
+            let Some(above) = nearest(self.above(put), &angles) else {
+                return fails(Rank::NoLift, way, None);
+            };
+            way.raised = Some(put.above.as_ref()?[above]);
+            if let Some(touch) = self.lifted(put, above) {
+                return fails(Rank::LiftCollides, way, Some(touch));
+            }
         }
         fails(Rank::Reachable, way, None)
     }
 
-    fn placed(
-        &self,
-        orientation: usize,
-        seat: &Seat,
-        angles: LegAngles,
-        frames: &LegFrames,
-    ) -> Option<Way> {
+    fn placed(&self, put: &PutDown, angles: LegAngles, frames: &LegFrames) -> Option<Way> {
+        let PutDown { orientation, seat, .. } = *put;
         let com = self.quick.chain().center_of_mass(frames);
         let mut contact = seat.contact;
         if !self.look.robot.leg(self.look.leg).ik.fixes_orientation() {
-            contact = self.footing.touchdown(orientation, seat, angles)?.contact;
+            contact = self.footing.touchdown(orientation, &seat, angles)?.contact;
         }
         let center = self.look.wheel_center(frames);
-        Some(Way { orientation, seat: *seat, angles, com, contact, center, raised: None })
-    }
-
-    /// Brings the leg to the waypoint above.
-    fn lift(&mut self, way: &mut Way) -> Result<(), (Rank, Option<Touch>)> {
-        let above = self.footing.angles(way.orientation, &way.seat, self.look.options.lift);
-        let above: ArrayVec<LegAngles, MAX_SOLUTIONS> = above.unwrap_or_default();
-        let from = |q: &LegAngles| (q - way.angles).amax();
-        let nearest = above.into_iter().min_by(|a, b| from(a).total_cmp(&from(b)));
-        let angles = nearest.ok_or((Rank::NoLift, None))?;
-        way.raised = Some(angles);
-        let frames = self.quick.chain().frames(&angles);
-        let hint = &mut self.hints[way.orientation].lifted;
-        match self.quick.touch(&frames, Allowance::default(), hint) {
-            Some(touch) => Err((Rank::LiftCollides, Some(touch))),
-            None => Ok(()),
-        }
+        Some(Way { orientation, seat, angles, com, contact, center, raised: None })
     }
 
     /// What the way that got furthest lacks.
@@ -342,6 +458,12 @@ impl Search<'_, '_> {
     }
 }
 
+/// Which joint angles are nearest to others.
+fn nearest(all: &Solutions, to: &LegAngles) -> Option<usize> {
+    let from = |i: &usize| (all[*i] - to).amax();
+    (0..all.len()).min_by(|a, b| from(a).total_cmp(&from(b)))
+}
+
 /// The reason that a violation is.
 pub(crate) fn collision_reason(violation: &Violation) -> Reason {
     match violation.touch {
@@ -354,10 +476,15 @@ pub(crate) fn collision_reason(violation: &Violation) -> Reason {
 impl Look<'_> {
     /// The zone where the wheel of a way may touch.
     pub fn zone(&self, way: &Way) -> ContactZone {
+        self.zone_about(way.contact, way.center)
+    }
+
+    /// The zone where a wheel may touch that stands there.
+    fn zone_about(&self, contact: Point3<f64>, center: Point3<f64>) -> ContactZone {
         let rules = self.robot.stance();
         ContactZone {
-            contact: way.contact,
-            center: way.center,
+            contact,
+            center,
             radius: rules.contact_radius,
             height: rules.contact_height,
             ground_tolerance: rules.ground_tolerance,

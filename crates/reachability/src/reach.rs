@@ -145,18 +145,23 @@ pub(crate) fn run(
 }
 
 fn of_tile(searcher: &mut Searcher, grid: &Grid, tile: &Tile) -> Vec<Cell> {
+    searcher.begin();
     let width = tile.columns.len();
-    let mut cells = Vec::with_capacity(width * tile.rows.len());
+    let nothing = Cell::new(CellClass::Unknown, Reason::None, f64::NAN);
+    let mut cells = vec![nothing; width * tile.rows.len()];
     let mut below: Vec<Option<Worked>> = vec![None; width];
-    for iy in tile.rows.clone() {
-        let mut before = None;
-        for (ix, below) in tile.columns.clone().zip(&mut below) {
-            let found = searcher.cell(grid.position(ix, iy), &[before, *below]);
-            cells.push(found.cell);
+    let mut before = None;
+    // To and fro, so that each cell is next to the one before.
+    for (row, iy) in tile.rows.clone().enumerate() {
+        for step in 0..width {
+            let column = if row % 2 == 0 { step } else { width - 1 - step };
+            let p = grid.position(tile.columns.start + column, iy);
+            let found = searcher.cell(p, &[before, below[column]]);
+            cells[row * width + column] = found.cell;
             let worked = found.way.filter(|(rank, _)| *rank == Rank::Reachable);
             let worked =
                 worked.map(|(_, way)| Worked { orientation: way.orientation, angles: way.angles });
-            (before, *below) = (worked.or(before), worked.or(*below));
+            (before, below[column]) = (worked.or(before), worked.or(below[column]));
         }
     }
     cells

@@ -39,6 +39,12 @@ impl Frame {
         }
     }
 
+    /// The way back.
+    pub fn inverse(&self) -> Frame {
+        let back = self.rotation.transpose();
+        Frame { rotation: back, origin: -(back * self.origin) }
+    }
+
     /// The same as an isometry.
     pub fn to_isometry(&self) -> Isometry3<f64> {
         let rotation = Rotation3::from_matrix_unchecked(self.rotation);

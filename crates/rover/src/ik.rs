@@ -127,6 +127,24 @@ impl LegSolver {
         }
     }
 
+    /// Of the solutions [within the limits](Self::solve_within) the first of those nearest to other
+    /// angles, by the joint that differs most; none if there is none.
+    pub fn solve_nearest(
+        &self,
+        leg: &Leg,
+        base_from_wheel: &Frame,
+        to: &LegAngles,
+    ) -> Option<LegAngles> {
+        match self {
+            LegSolver::ClosedForm(ik) => ik.solve_nearest(leg, base_from_wheel, to),
+            LegSolver::Numerical(_) => {
+                let all = self.solve_within(leg, base_from_wheel).ok()?;
+                let from = |s: &IkSolution| (s.angles - to).amax();
+                all.into_iter().min_by(|a, b| from(a).total_cmp(&from(b))).map(|s| s.angles)
+            }
+        }
+    }
+
     /// The closed form, if the leg has one.
     pub fn closed_form(&self) -> Option<&LegIk> {
         match self {

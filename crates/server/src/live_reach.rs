@@ -2,8 +2,8 @@
 //!
 //! A change of stance, map or preference makes what is known outdated; once the rover has been still
 //! for a moment the legs are computed anew, one after the other, by one thread beside the gate of
-//! the analyses, so that no request waits for it. A change meanwhile ends the work and begins it
-//! again: what is kept always belongs to one basis.
+//! the analyses, so that no request waits for it: all legs on coarse cells first, then on fine ones. A
+//! change meanwhile ends the work and begins it again: what is kept always belongs to one basis.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -20,8 +20,16 @@ use crate::stop::Stop;
 
 /// Time between looks at the stance; a stance is still if it is the same in two.
 const LOOK: Duration = Duration::from_millis(250);
+/// Distances between cells, one after the other, for a robot of scale 1 (m): an answer soon, then a close
+/// one.
+const RESOLUTIONS_M: [f64; 2] = [0.1, 0.02];
+/// Least distance that a request may ask for (m).
+const LEAST_RESOLUTION_M: f64 = 0.001;
 /// Longest time for all legs (s).
 const DEADLINE_S: f64 = 600.0;
+
+/// Cells of one leg.
+type Known = Arc<ReachabilityCells>;
 
 /// What is known.
 #[derive(Default)]
@@ -34,7 +42,9 @@ struct State {
     preference: StabilityPreference,
     basis: String,
     legs: BTreeMap<String, Arc<ReachabilityCells>>,
-    n_legs: usize,
+    /// Answers of one leg at one resolution: those that have been found, and all.
+    n_found: usize,
+    n_answers: usize,
     failure: Option<String>,
 }
 
@@ -60,7 +70,7 @@ impl LiveReach {
         ReachSummary {
             basis: state.basis.clone(),
             stability: state.preference,
-            progress: legs.len() as f64 / state.n_legs.max(1) as f64,
+            progress: state.n_found as f64 / state.n_answers.max(1) as f64,
             legs,
             failure: state.failure.clone(),
         }
@@ -73,9 +83,10 @@ impl LiveReach {
     }
 
     /// Begins anew for this basis.
-    fn begin(&self, basis: &str, n_legs: usize) {
+    fn begin(&self, basis: &str, n_answers: usize) {
         let mut state = self.locked();
-        (state.basis, state.n_legs) = (basis.into(), n_legs);
+        state.basis = basis.into();
+        (state.n_found, state.n_answers) = (0, n_answers);
         state.legs.clear();
         state.failure = None;
     }
@@ -88,6 +99,25 @@ impl LiveReach {
             state.legs.insert(leg.into(), Arc::new(cells));
         }
         holds
+    }
+
+    /// Keeps a closer answer in place of `before`, unless steps are being planned to the cells of that
+    /// one, or another basis has begun meanwhile.
+    fn refine(&self, basis: &str, leg: &str, before: Option<&Known>, cells: ReachabilityCells) {
+        let mut state = self.locked();
+        let now = state.legs.get(leg);
+        let same = match (before, now) {
+            (Some(before), Some(now)) => Arc::ptr_eq(before, now),
+            (before, now) => before.is_none() && now.is_none(),
+        };
+        if state.basis == basis && same {
+            state.legs.insert(leg.into(), Arc::new(cells));
+        }
+    }
+
+    /// One leg has been looked at, at one resolution.
+    fn found(&self) {
+        self.locked().n_found += 1;
     }
 
     fn fail(&self, why: String) {
@@ -197,14 +227,19 @@ fn basis(app: &AppState) -> Option<String> {
 /// Computes all legs; `false` if a change ended the work before.
 async fn compute(app: &AppState, basis_of_work: &str) -> bool {
     let names: Vec<String> = app.live.robot().legs().iter().map(|leg| leg.name.clone()).collect();
-    app.reach.begin(basis_of_work, names.len());
+    let scale = app.live.robot().scale();
+    app.reach.begin(basis_of_work, names.len() * RESOLUTIONS_M.len());
     tell(app);
     let Ok(stop) = Stop::after(Some(DEADLINE_S)) else { return false };
     let guard = stop.guard();
-    for name in names {
+    let mut before: BTreeMap<String, Known> = BTreeMap::new();
+    let all = |resolution_m: f64| names.iter().map(move |name| (resolution_m, name.clone()));
+    let answers: Vec<(f64, String)> = RESOLUTIONS_M.into_iter().flat_map(all).collect();
+    for (resolution_m, name) in answers {
         let (context, stop) = (app.context(), stop.clone());
         let request = ReachabilityRequest {
             legs: Some(vec![name.clone()]),
+            resolution_m: Some((resolution_m * scale).max(LEAST_RESOLUTION_M)),
             stability: app.reach.locked().preference,
             ..ReachabilityRequest::default()
         };
@@ -225,8 +260,9 @@ async fn compute(app: &AppState, basis_of_work: &str) -> bool {
             Ok(Ok(reached)) => {
                 for (leg, cells) in reached {
                     // Another basis begins only after this work has ended.
-                    app.reach.keep(basis_of_work, &leg, cells);
+                    app.reach.refine(basis_of_work, &leg, before.get(&name), cells);
                 }
+                before.extend(app.reach.cells(&name).map(|(_, cells)| (name.clone(), cells)));
             }
             Ok(Err(error)) => app.reach.fail(error.to_string()),
             Err(error) => {
@@ -234,6 +270,7 @@ async fn compute(app: &AppState, basis_of_work: &str) -> bool {
                 app.reach.fail("it was not computed; the log of the server says why".into());
             }
         }
+        app.reach.found();
         tell(app);
     }
     drop(guard);

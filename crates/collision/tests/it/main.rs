@@ -10,6 +10,7 @@ use terrain::ElevationMap;
 mod bounds;
 mod certificates;
 mod checks;
+mod follow;
 mod motion;
 mod oracle;
 mod other_robots;

@@ -209,32 +209,71 @@ impl LegIk {
         wanted: Wanted,
     ) -> Result<IkSolutions, NoSolution> {
         let all = wanted == Wanted::All;
-        let turned = self.plane_from_base * base_from_wheel.rotation;
-        let (axis_5, axis_6) = (turned * self.axis_5_in_wheel, turned * self.axis_6_in_wheel);
+        let axes = self.axes(base_from_wheel);
         let mut solutions = IkSolutions::new();
         for arm in self.arms(&base_from_wheel.point(&self.wheel_from_wrist))? {
             let placed = arm.placed(leg);
-            if !(all || placed.within_limits) {
-                continue;
-            }
-            let direction = self.wrist_from_plane * arm.unturn(&axis_6);
-            let bend = self.bend(&direction);
-            // Axis 5 and axis 6 × axis 5 where joints 4 and 5 turn them.
-            let axle = Vector3::new(0.0, -bend.sin_4, bend.cos_4);
-            let wanted = self.wrist_from_plane * arm.unturn(&axis_5);
-            let q6 = atan2(wanted.dot(&direction.cross(&axle)), wanted.dot(&axle));
-            let mut give = |solution: IkSolution| {
-                if all || solution.within_limits {
-                    solutions.push(solution);
-                }
-            };
-            give(placed.with_wrist(leg, false, [bend.q4, bend.q5, q6]));
-            if let Some(q5) = bend.q5_flipped {
-                let (q4, q6) = (opposite(bend.q4), opposite(q6));
-                give(placed.with_wrist(leg, true, [q4, q5, q6]));
+            if all || placed.within_limits {
+                let both = self.both_wrists(leg, &arm, &placed, &axes);
+                solutions.extend(both.into_iter().filter(|s| all || s.within_limits));
             }
         }
         Ok(solutions)
+    }
+
+    /// Of the solutions within the limits the first of those nearest to other angles, by the joint that
+    /// differs most.
+    pub fn solve_nearest(
+        &self,
+        leg: &Leg,
+        base_from_wheel: &Frame,
+        to: &LegAngles,
+    ) -> Option<LegAngles> {
+        let axes = self.axes(base_from_wheel);
+        let (mut nearest, mut least) = (None, f64::INFINITY);
+        for arm in self.arms(&base_from_wheel.point(&self.wheel_from_wrist)).ok()? {
+            let placed = arm.placed(leg);
+            let so_far = (0..3).map(|i| (placed.angles[i] - to[i]).abs()).fold(0.0, f64::max);
+            if !placed.within_limits || so_far >= least {
+                continue;
+            }
+            for solution in self.both_wrists(leg, &arm, &placed, &axes) {
+                let from = (solution.angles - to).amax();
+                if solution.within_limits && from < least {
+                    (nearest, least) = (Some(solution.angles), from);
+                }
+            }
+        }
+        nearest
+    }
+
+    /// Axes 5 and 6 of a wheel in the plane's basis.
+    fn axes(&self, base_from_wheel: &Frame) -> [Vector3<f64>; 2] {
+        let turned = self.plane_from_base * base_from_wheel.rotation;
+        [turned * self.axis_5_in_wheel, turned * self.axis_6_in_wheel]
+    }
+
+    /// Both wrist branches of an arm; one where the wrist is singular.
+    fn both_wrists(
+        &self,
+        leg: &Leg,
+        arm: &Arm,
+        placed: &IkSolution,
+        [axis_5, axis_6]: &[Vector3<f64>; 2],
+    ) -> ArrayVec<IkSolution, 2> {
+        let direction = self.wrist_from_plane * arm.unturn(axis_6);
+        let bend = self.bend(&direction);
+        // Axis 5 and axis 6 × axis 5 where joints 4 and 5 turn them.
+        let axle = Vector3::new(0.0, -bend.sin_4, bend.cos_4);
+        let wanted = self.wrist_from_plane * arm.unturn(axis_5);
+        let q6 = atan2(wanted.dot(&direction.cross(&axle)), wanted.dot(&axle));
+        let mut both = ArrayVec::new();
+        both.push(placed.with_wrist(leg, false, [bend.q4, bend.q5, q6]));
+        if let Some(q5) = bend.q5_flipped {
+            let (q4, q6) = (opposite(bend.q4), opposite(q6));
+            both.push(placed.with_wrist(leg, true, [q4, q5, q6]));
+        }
+        both
     }
 
     /// Where the wrist is in the wheel's frame.

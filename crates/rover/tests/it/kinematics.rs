@@ -236,6 +236,11 @@ fn the_quick_questions_answer_as_all_branches_do() {
                 n_within += all.len();
                 let within = leg.ik.solve_within(leg, &frame).unwrap();
                 assert_eq!(within, all);
+                let near = random_angles(&robot, LegId(0), &mut rng);
+                let from = |q: &LegAngles| (q - near).amax();
+                let least = all.iter().map(|s| from(&s.angles)).min_by(f64::total_cmp);
+                let nearest = leg.ik.solve_nearest(leg, &frame, &near);
+                assert_eq!(nearest.map(|q| from(&q)), least);
             }
             Err(none) => {
                 n_missed += 1;

@@ -133,6 +133,7 @@ async fn the_reachability_of_all_legs_comes_by_itself_and_again_after_a_step() {
     let first = summary().await;
     let cells = &first["legs"]["leg1"]["cells"];
     assert!(cells["reachable"].as_u64().unwrap() > 0, "{first}");
+    assert_eq!(first["legs"]["leg6"]["resolution_m"], 0.02, "{first}");
     let leg = ground.get(&format!("{path}/leg1")).await;
     assert_eq!(leg.status, 200);
     assert_eq!(&leg.bytes[..4], b"FFT1");
@@ -161,6 +162,18 @@ async fn the_reachability_of_all_legs_comes_by_itself_and_again_after_a_step() {
     let of = |summary: &Value, class| summary["legs"]["leg1"]["cells"][class].as_u64().unwrap();
     assert!(of(&now, "reachable") < of(&first, "reachable"), "{now}");
     assert!(of(&now, "unstable") > of(&first, "unstable"), "{now}");
+    // A change ends the work that has begun, and what was known before is found again.
+    let regular = json!({ "stability": "regular" });
+    assert_eq!(ground.call("PUT", path, Some(&regular)).await.status, 200);
+    ground.until("work begun", || async { summary().await["basis"] == first["basis"] }).await;
+    assert_eq!(ground.call("PUT", path, Some(&conservative)).await.status, 200);
+    ground
+        .until("what was ended, again", || async {
+            let again = summary().await;
+            again["basis"] == now["basis"] && again["progress"] == 1.0
+        })
+        .await;
+    assert_eq!(of(&summary().await, "reachable"), of(&now, "reachable"));
 }
 
 #[tokio::test]
