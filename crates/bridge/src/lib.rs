@@ -12,6 +12,7 @@
 //! - [`link`]: one [`link::DelayLine`] per direction, a pure queue that takes the time as argument.
 //! - [`commands`]: [`commands::CommandBook`], whose state is a fold of its events.
 //! - [`recorder`]: one thread that owns the log file; what is acknowledged is on the disk.
+//! - [`seal`], [`recover`], [`doctor`]: complete files out of what was written, also after a crash.
 //! - [`reader`], [`catalog`]: reading any MCAP file, also a hostile one, within stated limits.
 //! - [`replay`]: a log played through the same channels.
 //! - [`bus`]: every message, encoded once, for all listeners in the process.
@@ -25,9 +26,15 @@ pub mod bus;
 pub mod catalog;
 pub mod clock;
 pub mod commands;
+pub mod doctor;
 pub mod ground;
 pub mod link;
+mod marks;
 pub mod reader;
 pub mod recorder;
+pub mod recover;
 pub mod replay;
+pub mod rewrite;
+pub mod seal;
+pub mod segments;
 pub mod sim_adapter;

@@ -4,6 +4,9 @@
 
 mod bus;
 mod commands;
+mod crash;
+mod damage;
+mod disk_full;
 mod estop;
 mod ground;
 mod hostile;
@@ -11,5 +14,6 @@ mod link;
 mod recorder;
 mod replay;
 mod sim_adapter;
+mod sim_fs;
 mod stock_reader;
 mod support;
