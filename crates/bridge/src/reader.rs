@@ -18,8 +18,10 @@ use wire::time::Timestamp;
 pub(crate) mod chunk;
 pub(crate) mod fields;
 pub(crate) mod frames;
+mod indexed;
 mod items;
 
+pub use indexed::{IndexedLog, Piece};
 pub use items::{ChannelDef, Item, SchemaDef};
 
 use fields::{ChunkHeader, Fields};
@@ -239,12 +241,22 @@ pub fn scan_items(
     limits: Limits,
     mut take: impl FnMut(Item) -> bool,
 ) -> Result<Vec<Damage>, ReadError> {
+    let taken = scan_places(source, limits, |_, _, mut items| Iterator::all(&mut items, &mut take));
+    taken.map(|(_, damage)| damage)
+}
+
+/// As [`scan_items`], record by record of the file: where it is, its kind, and what it holds.
+fn scan_places(
+    source: impl Read,
+    limits: Limits,
+    mut take: impl FnMut(std::ops::Range<u64>, u8, &mut dyn Iterator<Item = Item>) -> bool,
+) -> Result<(Items, Vec<Damage>), ReadError> {
     let mut window = Window::new(source);
     let mut items = Items::new(limits);
     if !window.fill(mcap::MAGIC.len())? {
         let torn = mcap::MAGIC.starts_with(window.rest());
         items.damage.push(if torn { Damage::Torn { at: 0 } } else { Damage::NotMcap });
-        return Ok(items.damage);
+        return Ok(done(items));
     }
     let mut lost = !window.rest().starts_with(mcap::MAGIC);
     if lost {
@@ -257,7 +269,7 @@ pub fn scan_items(
         let at = window.at();
         if lost {
             if !window.find_chunk(limits.record_bytes, sound)? {
-                return Ok(items.damage);
+                return Ok(done(items));
             }
             lost = false;
             continue;
@@ -265,7 +277,7 @@ pub fn scan_items(
         let whole = window.fill(9)?;
         let Some((opcode, length)) = window.frame().filter(|_| whole) else {
             items.damage.push(Damage::Torn { at });
-            return Ok(items.damage);
+            return Ok(done(items));
         };
         let Some(size) = usize::try_from(length).ok().filter(|&n| n <= limits.record_bytes) else {
             items.damage.push(Damage::RecordTooLong { at, length });
@@ -285,13 +297,14 @@ pub fn scan_items(
             }
             window.pass(9 + size);
             items.damage.extend(summary_damage(&mut window, limits)?);
-            return Ok(items.damage);
+            return Ok(done(items));
         }
         let trusted = items.take(opcode, data, at);
-        for item in items.out.drain(..) {
-            if !take(item) {
-                return Ok(items.damage);
-            }
+        let mut out = std::mem::take(&mut items.out);
+        let went_on = take(at..at + 9 + size as u64, opcode, &mut out.drain(..));
+        items.out = out;
+        if !went_on {
+            return Ok(done(items));
         }
         if trusted {
             window.pass(9 + size);
@@ -300,6 +313,11 @@ pub fn scan_items(
             lost = true;
         }
     }
+}
+
+fn done(mut items: Items) -> (Items, Vec<Damage>) {
+    let damage = std::mem::take(&mut items.damage);
+    (items, damage)
 }
 
 /// What is wrong from the end of the data to the end of the file.

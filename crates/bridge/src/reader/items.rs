@@ -65,10 +65,13 @@ pub enum Item {
 }
 
 /// The state of a reading: schemas and channels met so far, items not handed out yet, damage.
+#[derive(Debug)]
 pub struct Items {
     limits: Limits,
     schemas: HashMap<u16, Arc<SchemaDef>>,
     channels: HashMap<u16, Arc<ChannelDef>>,
+    /// A chunk was met.
+    chunked: bool,
     pub out: Vec<Item>,
     pub damage: Vec<Damage>,
 }
@@ -76,7 +79,8 @@ pub struct Items {
 impl Items {
     pub fn new(limits: Limits) -> Items {
         let (schemas, channels) = (HashMap::new(), HashMap::new());
-        Items { limits, schemas, channels, out: Vec::new(), damage: Vec::new() }
+        let (out, damage) = (Vec::new(), Vec::new());
+        Items { limits, schemas, channels, chunked: false, out, damage }
     }
 
     /// Takes a record of the data section; false if its length is not to be trusted.
@@ -84,6 +88,9 @@ impl Items {
         let outcome = match opcode {
             op::CHUNK => return self.take_chunk(data, at),
             op::HEADER => self.header(data),
+            // An index of messages is one flipped bit away from a message, and nothing here has a
+            // checksum; a file has its messages in chunks, or has no chunks.
+            op::MESSAGE if self.chunked => Err("it is a message outside of the chunks".into()),
             op::SCHEMA | op::CHANNEL | op::MESSAGE => self.take_plain(opcode, data),
             op::MESSAGE_INDEX => message_index(data),
             op::ATTACHMENT => self.attachment(data),
@@ -110,6 +117,7 @@ impl Items {
     }
 
     fn take_chunk(&mut self, data: &[u8], at: u64) -> bool {
+        self.chunked = true;
         let Some(header) = ChunkHeader::read(data) else {
             let reason = "it is shorter than it says".into();
             self.damage.push(Damage::BadChunk { at, reason });
