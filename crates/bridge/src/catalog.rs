@@ -11,7 +11,8 @@ use mcap::records::op;
 use wire::resources::LogInfo;
 use wire::time::Timestamp;
 
-use crate::reader::{self, Limits, LogContent, ReadError};
+use crate::clip::{self, ClipNote, Clipped, Selection};
+use crate::reader::{self, IndexedLog, Limits, LogContent, ReadError};
 use crate::recorder::LogFolder;
 use crate::segments::{self, Kind};
 
@@ -101,6 +102,40 @@ pub fn read_log(dir: &Path, id: &str, limits: Limits) -> Result<LogContent, Read
         }
         Ok(content)
     })
+}
+
+/// Opens a log of the folder to read it piece by piece.
+pub fn open_log(dir: &Path, id: &str, limits: Limits) -> Result<IndexedLog, ReadError> {
+    with_files(dir, id, |files| IndexedLog::open(files, limits))
+}
+
+/// Writes a part of a log to a new log of the folder, named `clip`.
+pub fn clip_log(
+    dir: &Path,
+    id: &str,
+    clip: &str,
+    selection: &Selection,
+    note: &ClipNote,
+) -> Result<Clipped, ReadError> {
+    if !is_log_id(clip) {
+        return Err(ReadError::Unknown { id: clip.chars().take(64).collect() });
+    }
+    let out = dir.join(format!("{clip}.mcap"));
+    with_files(dir, id, |files| {
+        let inside = files.iter().filter(|file| may_hold(file, selection)).cloned();
+        clip::copy_to(&inside.collect::<Vec<_>>(), selection, note, &out, Limits::default())
+    })
+}
+
+/// False if the summary of a file says that nothing of the wished time is in it.
+fn may_hold(path: &Path, selection: &Selection) -> bool {
+    let extent = File::open(path).and_then(|file| {
+        let size = file.metadata()?.len();
+        summary_extent(&mut BufReader::new(file), size)
+    });
+    let Ok(Some(extent)) = extent else { return true };
+    selection.from.is_none_or(|from| from.0 <= extent.end)
+        && selection.to.is_none_or(|to| extent.start <= to.0)
 }
 
 /// The logs of the folder, newest first; `open` is the one being written, as the recorder has it.

@@ -22,8 +22,10 @@
 //! [`clock::Clock`].
 
 pub mod adapter;
+pub mod bookmarks;
 pub mod bus;
 pub mod catalog;
+pub mod clip;
 pub mod clock;
 pub mod commands;
 pub mod doctor;
@@ -38,3 +40,4 @@ pub mod rewrite;
 pub mod seal;
 pub mod segments;
 pub mod sim_adapter;
+pub mod verify;

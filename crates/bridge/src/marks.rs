@@ -12,6 +12,10 @@ use mcap::write::Metadata;
 pub const SESSION: &str = "footfall";
 /// Name of the record that repeats a channel.
 const CHANNEL: &str = "footfall.channel";
+/// Name of the record that keeps the two sayings of the channels apart.
+const SPACE: &str = "footfall.space";
+/// Bytes between them: more than a sector, so that one bad sector leaves one of them.
+const SPACE_BYTES: usize = 4096;
 /// Key of the checksum.
 const CHECK: &str = "check";
 
@@ -35,8 +39,21 @@ pub fn record(name: &str, mut texts: Texts) -> Metadata {
     Metadata { name: name.into(), metadata: texts }
 }
 
-/// The record that repeats a channel.
-pub fn channel(id: u16, topic: &str, encoding: &str) -> Metadata {
+/// The records that repeat channels (number, name, encoding), for the place before the chunk that
+/// introduces them: all of them twice, some distance apart.
+pub fn channels<'a>(list: impl Iterator<Item = (u16, &'a str, &'a str)>) -> Vec<Metadata> {
+    let once: Vec<Metadata> =
+        list.map(|(id, topic, encoding)| channel(id, topic, encoding)).collect();
+    let space = BTreeMap::from([("space".into(), " ".repeat(SPACE_BYTES))]);
+    once.iter().cloned().chain([record(SPACE, space)]).chain(once.clone()).collect()
+}
+
+/// True for records that are of use in their own file only.
+pub fn is_of_the_file(name: &str) -> bool {
+    name == CHANNEL || name == SPACE
+}
+
+fn channel(id: u16, topic: &str, encoding: &str) -> Metadata {
     let pairs = [("id", id.to_string()), ("topic", topic.into()), ("encoding", encoding.into())];
     record(CHANNEL, pairs.map(|(key, value)| (key.into(), value)).into())
 }

@@ -54,14 +54,15 @@ impl Recovered {
 pub struct Recovery {
     /// The segments that were open.
     pub segments: Vec<Recovered>,
-    /// The head of the chain: the last seal of the last log.
+    /// The end of the chain of seals.
     pub head: Option<SealRef>,
 }
 
 /// Seals what was left open in all logs, but those that a living process writes.
 pub fn recover(storage: &dyn Storage) -> io::Result<Recovery> {
-    let mut recovery = Recovery::default();
-    for log in storage.folders()? {
+    let head = seal::head(&seal::all(storage)?);
+    let mut recovery = Recovery { segments: Vec::new(), head };
+    for log in segments::logs(storage)? {
         recover_log(storage, &log, &mut recovery)?;
     }
     Ok(recovery)
@@ -82,22 +83,16 @@ fn recover_log(storage: &dyn Storage, log: &str, recovery: &mut Recovery) -> io:
     for (&number, kinds) in &segments {
         if kinds.contains(&Kind::Open) {
             let (limit, head) = (committed.get(&number).copied(), recovery.head.clone());
-            match recover_segment(storage, log, number, kinds, limit, head) {
+            let outcome = match recover_segment(storage, log, number, kinds, limit, head) {
                 // The seal was done, but for its last step.
-                Ok(None) => {}
+                Ok(None) => continue,
                 Ok(Some(sealed)) => {
-                    let outcome = Ok(sealed);
-                    recovery.segments.push(Recovered { log: log.into(), segment: number, outcome });
+                    recovery.head = Some(sealed.reference.clone());
+                    Ok(sealed)
                 }
-                Err(error) => {
-                    let outcome = Err(error);
-                    recovery.segments.push(Recovered { log: log.into(), segment: number, outcome });
-                    continue;
-                }
-            }
-        }
-        if let Some((_, reference)) = seal::read_seal(storage, log, number) {
-            recovery.head = Some(reference);
+                Err(error) => Err(error),
+            };
+            recovery.segments.push(Recovered { log: log.into(), segment: number, outcome });
         }
     }
     Ok(())
@@ -124,6 +119,12 @@ fn recover_segment(
         storage.sync_folder(log)?;
         return Ok(None);
     }
+    // A seal whose file was not renamed yet is made anew; it is not its own predecessor.
+    let own = seal::read_seal(storage, log, number);
+    let previous = match own {
+        Some((seal, reference)) if previous.as_ref() == Some(&reference) => seal.previous,
+        _ => previous,
+    };
     seal::seal(storage, log, number, limit, previous, &|| {}).map(Some)
 }
 

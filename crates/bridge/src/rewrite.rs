@@ -180,7 +180,8 @@ impl<W: Write> Rewriter<W> {
         introduced.push(channel.clone());
         let mut new = Vec::new();
         for channel in introduced {
-            let alike = |known: &ChannelDef| ChannelDef { id: channel.id, ..known.clone() } == *channel;
+            let alike =
+                |known: &ChannelDef| ChannelDef { id: channel.id, ..known.clone() } == *channel;
             let id = match self.channels.iter().find(|(known, _)| alike(known)) {
                 Some((_, id)) => *id,
                 None => {
@@ -193,8 +194,8 @@ impl<W: Write> Rewriter<W> {
             };
             self.channels.push((channel, id));
         }
-        for (channel, id) in &new {
-            let mark = marks::channel(*id, &channel.topic, &channel.encoding);
+        let said = new.iter().map(|(channel, id)| (*id, &*channel.topic, &*channel.encoding));
+        for mark in if new.is_empty() { Vec::new() } else { marks::channels(said) } {
             self.mcap.write_metadata(&mark).map_err(io_error)?;
         }
         for (channel, id) in &new {

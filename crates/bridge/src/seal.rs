@@ -6,7 +6,7 @@
 //! Order, safe at every step: write `.sealing`, sync, read it back and examine it; write the seal,
 //! sync, rename; rename the file; remove `.open`. Until the last step `.open` stands as it was.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 
 use serde::{Deserialize, Serialize};
@@ -22,7 +22,7 @@ use crate::segments::{self, Kind};
 pub const OWN: Limits = Limits { record_bytes: 64 << 20, ratio: u64::MAX, total_bytes: usize::MAX };
 
 /// Where the chain stands: a seal by its place and hash.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct SealRef {
     /// The log.
     pub log: String,
@@ -215,4 +215,31 @@ pub fn holds(storage: &dyn Storage, seal: &Seal) -> io::Result<bool> {
     let mut hasher = blake3::Hasher::new();
     let bytes = io::copy(&mut source, &mut hasher)?;
     Ok(bytes == seal.bytes && hasher.finalize().to_hex().to_string() == seal.blake3)
+}
+
+/// Seals with their places in the chain, by log and segment.
+pub type Seals = Vec<((String, u32), Seal, SealRef)>;
+
+/// All seals, in the order of logs and segments.
+pub fn all(storage: &dyn Storage) -> io::Result<Seals> {
+    let mut seals = Vec::new();
+    for log in segments::logs(storage)? {
+        for (number, kinds) in segments::list(storage, &log)? {
+            if kinds.contains(&Kind::Seal)
+                && let Some((seal, reference)) = read_seal(storage, &log, number)
+            {
+                seals.push(((log.clone(), number), seal, reference));
+            }
+        }
+    }
+    Ok(seals)
+}
+
+/// The end of the chain: the last seal that no other follows. Names do not tell, for clocks are set
+/// back at times.
+pub fn head(seals: &Seals) -> Option<SealRef> {
+    let previous = seals.iter().filter_map(|(_, seal, _)| seal.previous.as_ref());
+    let followed: BTreeSet<&str> = previous.map(|p| p.blake3.as_str()).collect();
+    let mut ends = seals.iter().filter(|(.., r)| !followed.contains(r.blake3.as_str()));
+    ends.next_back().map(|(.., reference)| reference.clone())
 }

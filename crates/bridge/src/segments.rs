@@ -72,3 +72,14 @@ pub fn list(storage: &dyn Storage, log: &str) -> io::Result<BTreeMap<u32, Vec<Ki
     }
     Ok(segments)
 }
+
+/// The logs, in the order of their names: those of one second by their number.
+pub fn logs(storage: &dyn Storage) -> io::Result<Vec<String>> {
+    let mut logs = storage.folders()?;
+    let key = |log: &String| {
+        let numbered = log.rsplit_once('-').and_then(|(name, n)| Some((name, n.parse().ok()?)));
+        numbered.map_or((log.clone(), 1_u32), |(name, n)| (name.to_owned(), n))
+    };
+    logs.sort_by_key(key);
+    Ok(logs)
+}

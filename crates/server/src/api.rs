@@ -3,6 +3,7 @@
 mod analysis;
 mod commands;
 mod jobs;
+mod log_notes;
 mod logs;
 mod plans;
 mod rover;
@@ -58,6 +59,8 @@ const BODY_PAUSE: Duration = Duration::from_secs(20);
         wire::live::JobReport,
         wire::live::EventNotice,
         wire::live::ReachSummary,
+        wire::live::LogGap,
+        wire::live::GapReason,
     ))
 )]
 struct Document;
@@ -70,6 +73,7 @@ fn described() -> OpenApiRouter<AppState> {
         .merge(plans::routes())
         .merge(commands::routes())
         .merge(logs::routes())
+        .merge(log_notes::routes())
         .merge(jobs::routes())
         .routes(routes!(openapi_json))
         .layer(DefaultBodyLimit::max(BODY_BYTES_MAX))

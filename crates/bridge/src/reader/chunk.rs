@@ -30,10 +30,11 @@ pub fn content<'a>(
     let content = match header.compression {
         "" => Cow::Borrowed(header.body),
         "zstd" => {
-            let decoder = zstd::stream::read::Decoder::with_buffer(header.body).and_then(|mut d| {
-                d.window_log_max(ZSTD_WINDOW_LOG)?;
-                Ok(d)
-            });
+            let decoder =
+                zstd::stream::read::Decoder::with_buffer(header.body).and_then(|mut d| {
+                    d.window_log_max(ZSTD_WINDOW_LOG)?;
+                    Ok(d)
+                });
             Cow::Owned(decoder.and_then(|d| expand(d, length)).map_err(|e| bad(e.to_string()))?)
         }
         "lz4" => {

@@ -123,6 +123,12 @@ impl Items {
             self.damage.push(Damage::BadChunk { at, reason });
             return false;
         };
+        // Zeros are a chunk without content, and nothing in them would tell.
+        if header.uncompressed_size == 0 && !super::frames::has_chunk_shape(data, data.len()) {
+            let reason = "it says that it is empty, and is not".into();
+            self.damage.push(Damage::BadChunk { at, reason });
+            return false;
+        }
         let before = self.out.len();
         let outcome = chunk::content(&header, at, self.limits).and_then(|content| {
             chunk::records(&content, |opcode, body, _| self.take_plain(opcode, body))
@@ -226,6 +232,7 @@ impl Items {
                 let channel = ChannelDef { id, topic, encoding, schema: None, metadata };
                 self.channels.insert(id, Arc::new(channel));
             }
+            None if marks::is_of_the_file(name) => {}
             None => self.out.push(Item::Metadata(name.into(), texts)),
         }
         Ok(())

@@ -185,7 +185,8 @@ impl Queue {
     pub fn take_notices(&self) -> Vec<EventNotice> {
         let mut state = self.lock();
         for (channel, dropped) in std::mem::take(&mut state.untold) {
-            let text = format!("{dropped} messages of {channel} are not in the log; log/gap tells why");
+            let text =
+                format!("{dropped} messages of {channel} are not in the log; log/gap tells why");
             state.notice(EventLevel::Warning, text);
         }
         std::mem::take(&mut state.notices).into()

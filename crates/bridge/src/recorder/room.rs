@@ -75,9 +75,10 @@ impl Room {
                 EventLevel::Critical,
                 format!("the disk is full{free}: telemetry is no longer logged, commands are"),
             )),
-            Level::NoBulk => {
-                Some((EventLevel::Warning, format!("the disk is nearly full{free}: no bulk logged")))
-            }
+            Level::NoBulk => Some((
+                EventLevel::Warning,
+                format!("the disk is nearly full{free}: no bulk logged"),
+            )),
             Level::Low => {
                 Some((EventLevel::Warning, format!("the disk of the flight log fills up{free}")))
             }

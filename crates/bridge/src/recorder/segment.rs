@@ -103,30 +103,35 @@ impl Segment {
         // First of all: recovery reads what it says of the segments before.
         let session = marks::record(marks::SESSION, metadata);
         segment.mcap.write_metadata(&session).map_err(io_error)?;
+        let mut new = Vec::new();
         for schema in &options.schemas {
-            segment.add_channel(&schema.channel, Some((&schema.name, &schema.schema_json)))?;
+            new.push((&*schema.channel, Some((&*schema.name, &*schema.schema_json))));
         }
-        for (channel, &id) in &segment.channels {
-            let mark = marks::channel(id, channel, "json");
-            segment.mcap.write_metadata(&mark).map_err(io_error)?;
-        }
+        segment.add_channels(&new)?;
         segment.sync()?;
         Ok(segment)
     }
 
-    fn add_channel(&mut self, channel: &str, schema: Option<(&str, &str)>) -> io::Result<u16> {
-        let schema_id = match schema {
-            Some((name, text)) => {
-                self.mcap.add_schema(name, "jsonschema", text.as_bytes()).map_err(io_error)?
-            }
-            None => 0,
-        };
-        let id = self
-            .mcap
-            .add_channel(schema_id, channel, "json", &BTreeMap::new())
-            .map_err(io_error)?;
-        self.channels.insert(channel.into(), id);
-        Ok(id)
+    /// Channels by name, each with the name and the text of its schema.
+    fn add_channels(&mut self, new: &[(&str, Option<(&str, &str)>)]) -> io::Result<()> {
+        let first = self.channels.len() as u16 + 1;
+        let numbered = || (first..).zip(new);
+        for mark in marks::channels(numbered().map(|(id, (channel, _))| (id, *channel, "json"))) {
+            self.mcap.write_metadata(&mark).map_err(io_error)?;
+        }
+        for (id, (channel, schema)) in numbered() {
+            let schema_id = match schema {
+                Some((name, text)) => {
+                    self.mcap.add_schema(name, "jsonschema", text.as_bytes()).map_err(io_error)?
+                }
+                None => 0,
+            };
+            self.mcap
+                .add_channel_with_id(id, schema_id, channel, "json", &BTreeMap::new())
+                .map_err(io_error)?;
+            self.channels.insert((*channel).into(), id);
+        }
+        Ok(())
     }
 
     /// Writes a batch and makes it safe.
@@ -135,10 +140,8 @@ impl Segment {
             let channel_id = match self.channels.get(&record.channel) {
                 Some(&id) => id,
                 None => {
-                    let id = self.add_channel(&record.channel, None)?;
-                    let mark = marks::channel(id, &record.channel, "json");
-                    self.mcap.write_metadata(&mark).map_err(io_error)?;
-                    id
+                    self.add_channels(&[(&record.channel, None)])?;
+                    self.channels.len() as u16
                 }
             };
             let header = MessageHeader {

@@ -66,7 +66,11 @@ impl LogFolder {
         LogFolder(dir.to_path_buf())
     }
 
-    fn names(&self, folder: &str, wanted: fn(&std::fs::FileType) -> bool) -> io::Result<Vec<String>> {
+    fn names(
+        &self,
+        folder: &str,
+        wanted: fn(&std::fs::FileType) -> bool,
+    ) -> io::Result<Vec<String>> {
         let entries = match std::fs::read_dir(self.0.join(folder)) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
             entries => entries?,

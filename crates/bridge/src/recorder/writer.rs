@@ -50,8 +50,7 @@ impl Writer {
     ) -> io::Result<Writer> {
         let log = make_log(&*storage, options.start)?;
         let sizes = Sizes::default();
-        let worker =
-            Worker::new(storage.clone(), log.clone(), head, queue.clone(), sizes.clone());
+        let worker = Worker::new(storage.clone(), log.clone(), head, queue.clone(), sizes.clone());
         let sealer = Some(Sealer::start(worker, options.seal_aside)?);
         let reserve = format!("{log}/{}", segments::RESERVE);
         let room = Room::new(storage.clone(), reserve, options.reserve_bytes);
@@ -231,8 +230,9 @@ impl Writer {
             }
             Err(error) => {
                 let number = segment.number;
-                let text =
-                    format!("segment {number} of the log ends with an error: {error}; a new one begins");
+                let text = format!(
+                    "segment {number} of the log ends with an error: {error}; a new one begins"
+                );
                 tracing::error!("{text}");
                 self.queue.notice(EventLevel::Warning, text);
                 let committed = segment.committed;
@@ -258,8 +258,13 @@ impl Writer {
         }
         loop {
             let number = self.next_number;
-            match Segment::create(&*self.storage, &self.log, number, &self.options, metadata.clone())
-            {
+            match Segment::create(
+                &*self.storage,
+                &self.log,
+                number,
+                &self.options,
+                metadata.clone(),
+            ) {
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => self.next_number += 1,
                 Err(error) => return Err(error),
                 Ok(segment) => {
@@ -286,8 +291,7 @@ impl Writer {
         for notice in self.queue.take_notices() {
             let Ok(json) = serde_json::to_vec(&notice) else { continue };
             let (channel, json) = (channel::EVENT.into(), json.into());
-            let record =
-                Record { channel, sequence: 0, log_time, publish_time: log_time, json };
+            let record = Record { channel, sequence: 0, log_time, publish_time: log_time, json };
             notices.push(Item { record, class: Class::Durable, written: None });
         }
         self.commit(notices);
@@ -312,8 +316,7 @@ impl Writer {
         } else if written && self.kept.is_empty() {
             self.progress.error = None;
         }
-        let closed: u64 =
-            self.sizes.lock().unwrap_or_else(PoisonError::into_inner).values().sum();
+        let closed: u64 = self.sizes.lock().unwrap_or_else(PoisonError::into_inner).values().sum();
         self.progress.log = Some(LogInfo {
             id: self.log.clone(),
             size: closed + self.segment.as_ref().map_or(0, |segment| segment.committed),

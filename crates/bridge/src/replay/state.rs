@@ -47,7 +47,9 @@ fn latest(
     let list = pieces.log.pieces_of(topic);
     let mut place = list.partition_point(|&p| p as usize <= piece);
     while let Some(before) = place.checked_sub(1) {
-        let Some(number) = pieces.log.pieces_of(topic).get(before).map(|&p| p as usize) else { break };
+        let Some(number) = pieces.log.pieces_of(topic).get(before).map(|&p| p as usize) else {
+            break;
+        };
         let entries = pieces.load(number)?;
         let given = if number == piece { within.min(entries.len()) } else { entries.len() };
         let found = entries[..given].iter().rev().find(|e| *e.message.channel == *topic);

@@ -107,9 +107,16 @@ fn every_damage_is_told_and_good_chunks_around_it_are_returned() {
         let content = read(&bytes);
         let same = content.messages == sound[which].messages;
         let silent = content.damage == sound[which].damage;
-        assert!(same || !silent, "case {case}, bytes {hit:?}: messages changed and nothing is told");
+        assert!(
+            same || !silent,
+            "case {case}, bytes {hit:?}: messages changed and nothing is told"
+        );
         assert!(which == 0 || !silent || bytes == originals[1], "case {case}: a sealed file");
-        if silent { harmless += 1 } else { told += 1 }
+        if silent {
+            harmless += 1
+        } else {
+            told += 1
+        }
         // Whatever stands in a chunk that was not hit.
         let (mut n, mut wanted) = (0, Vec::<&LogMessage>::new());
         for (range, messages) in &layouts[which] {

@@ -14,7 +14,12 @@ use crate::sim_fs::SimFs;
 use crate::support::{after, record};
 
 fn with_reserve() -> RecorderOptions {
-    RecorderOptions { reserve_bytes: 200_000, segment_bytes: 30_000, seal_aside: false, ..options() }
+    RecorderOptions {
+        reserve_bytes: 200_000,
+        segment_bytes: 30_000,
+        seal_aside: false,
+        ..options()
+    }
 }
 
 struct Session {

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // a test may
 
 mod bus;
+mod chain;
 mod commands;
 mod crash;
 mod damage;
@@ -10,6 +11,7 @@ mod disk_full;
 mod estop;
 mod ground;
 mod hostile;
+mod kill;
 mod link;
 mod recorder;
 mod replay;

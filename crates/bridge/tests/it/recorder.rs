@@ -197,8 +197,12 @@ fn telemetry_beyond_the_bound_is_dropped_oldest_first_counted_and_told() {
     let bytes = disk.files().into_values().next().unwrap();
     let content = read_log(&*bytes, ANY_RATIO).unwrap();
     assert_eq!(content.messages.last().unwrap().sequence, total as u32 - 1, "the newest is kept");
-    let kept: Vec<u32> =
-        content.messages.iter().filter(|m| &*m.channel == "rover/state").map(|m| m.sequence).collect();
+    let kept: Vec<u32> = content
+        .messages
+        .iter()
+        .filter(|m| &*m.channel == "rover/state")
+        .map(|m| m.sequence)
+        .collect();
     let gaps = content.messages.iter().filter(|m| &*m.channel == "log/gap");
     let gaps: Vec<LogGap> = gaps.map(|m| serde_json::from_slice(&m.data).unwrap()).collect();
     let missing: Vec<u64> = (0..total).filter(|n| !kept.contains(&(*n as u32))).collect();

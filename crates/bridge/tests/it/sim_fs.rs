@@ -271,7 +271,11 @@ impl Storage for SimFs {
     fn make_folder(&self, folder: &str) -> io::Result<()> {
         let mut state = self.lock();
         state.call()?;
-        if state.folders.insert(folder.into()) { Ok(()) } else { Err(ErrorKind::AlreadyExists.into()) }
+        if state.folders.insert(folder.into()) {
+            Ok(())
+        } else {
+            Err(ErrorKind::AlreadyExists.into())
+        }
     }
 
     fn folders(&self) -> io::Result<Vec<String>> {

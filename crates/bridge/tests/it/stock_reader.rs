@@ -45,7 +45,7 @@ fn the_python_reader_opens_every_recovered_log() {
     for crash in 0..crashes {
         let fs = SimFs::default();
         fs.fail_at(5 + crash * 311 % 900, Fault::Crash);
-        scenario(&fs, 100);
+        scenario(&fs, 60);
         let left = fs.after_crash(Survives::Torn(crash));
         recover(&left).unwrap();
         for (name, bytes) in left.files() {

@@ -84,7 +84,7 @@ async fn start_replay(
     }
     let folder = app.config.server.logs_dir.clone();
     let name = log.clone();
-    let read = move || catalog::read_log(&folder, &name, Limits::default());
+    let read = move || catalog::open_log(&folder, &name, Limits::default());
     let content = tokio::task::spawn_blocking(read)
         .await
         .map_err(|error| ApiError::internal("reading the log", error))??;
