@@ -124,7 +124,7 @@ fn a_log_cut_off_at_any_byte_gives_every_batch_before_the_cut() {
 fn a_disk_that_fails_at_any_byte_loses_nothing_that_was_acknowledged() {
     let records = messages(40);
     let mut cases = 0;
-    for room in (0..6000).step_by(37) {
+    for room in (0..16_000).step_by(67) {
         let disk = FaultyDisk::default();
         disk.set_room(Some(room));
         let Ok(mut recorder) = Recorder::start_on(Box::new(disk.clone()), options()) else {

@@ -185,13 +185,13 @@ fn what_is_not_json_is_left_out_and_counted() {
 /// A log of several segments on the disk: frames, the link once in a while, and commands of four
 /// events each.
 fn long_log(dir: &std::path::Path, n: u64, text_bytes: usize) -> (String, Vec<Record>) {
-    let options = RecorderOptions { segment_bytes: n * 40, ..options() };
+    let options = RecorderOptions { segment_bytes: n * 10, ..options() };
     let mut recorder = Recorder::start(dir, options).unwrap();
     let mut rng = ChaCha8Rng::seed_from_u64(31);
     let mut records = Vec::new();
     for number in 0..n {
         let at = number as f64 * 0.01;
-        let record = match number % 50 {
+        let next = match number % 50 {
             7 => record("link/report", number, after(at), format!("{{\"n\":{number}}}")),
             11 | 31 => {
                 let id = format!("c{}", number / 100);
@@ -204,8 +204,8 @@ fn long_log(dir: &std::path::Path, n: u64, text_bytes: usize) -> (String, Vec<Re
                 record("rover/state", number, after(at), text)
             }
         };
-        recorder.record(record.clone());
-        records.push(record);
+        recorder.record(next.clone());
+        records.push(next);
         if number % 100 == 99 {
             // In pace with the disk, as a rover is.
             let last = record("event", number, after(at), "{}".into());
