@@ -106,7 +106,7 @@ pub struct MessageHead {
 }
 
 impl MessageHead {
-    pub fn read<'a>(data: &'a [u8]) -> Option<(MessageHead, &'a [u8])> {
+    pub fn read(data: &[u8]) -> Option<(MessageHead, &[u8])> {
         let mut fields = Fields(data);
         let (channel, sequence) = (fields.u16()?, fields.u32()?);
         let (log_time, publish_time) = (fields.u64()?, fields.u64()?);

@@ -139,7 +139,13 @@ impl Items {
             self.damage.push(damage);
             return super::frames::has_chunk_shape(data, data.len());
         }
-        true
+        if super::frames::has_chunk_shape(data, data.len()) {
+            return true;
+        }
+        // A length that grew by damage swallows the chunks behind it; nobody pads chunks.
+        let reason = "there are bytes behind the content of the chunk".into();
+        self.damage.push(Damage::BadRecord { at, reason });
+        false
     }
 
     fn take_plain(&mut self, opcode: u8, data: &[u8]) -> Result<(), String> {
@@ -153,7 +159,7 @@ impl Items {
 
     fn header(&mut self, data: &[u8]) -> Result<(), String> {
         let mut fields = Fields(data);
-        let whole = fields.text().is_some() && fields.text().is_some();
+        let whole = fields.text().is_some() && fields.text().is_some() && fields.0.is_empty();
         if whole { Ok(()) } else { Err("the header is shorter than it says, or not text".into()) }
     }
 
@@ -219,7 +225,7 @@ impl Items {
         let (Some(name), Some(texts)) = (fields.text(), fields.texts()) else {
             return Err("a metadata record is shorter than it says, or not text".into());
         };
-        if !marks::is_sound(name, &texts) {
+        if !marks::is_sound(name, &texts) || !fields.0.is_empty() {
             return Err(format!("the metadata record {name:?} is not what was written"));
         }
         match marks::channel_of(name, &texts) {
@@ -267,5 +273,10 @@ impl Items {
 fn message_index(data: &[u8]) -> Result<(), String> {
     let mut fields = Fields(data);
     let whole = fields.u16().is_some() && fields.pairs(|f| Some((f.u64()?, f.u64()?))).is_some();
-    if whole { Ok(()) } else { Err("a message index is shorter than it says".into()) }
+    // Longer than its fields: its length may have grown by damage, and hide chunks.
+    if whole && fields.0.is_empty() {
+        Ok(())
+    } else {
+        Err("a message index has another length than it says".into())
+    }
 }
