@@ -64,12 +64,14 @@ bench: tools ## Run all benchmarks and print one table
 	cargo bench --workspace --locked --bench '*'
 	@node .ci/bench-table.mjs
 
-soak: tools ## Run 10^5 generated requests, and the long forms of tests by brute force
+soak: tools $(VENV)/mcap-$(MCAP_PYTHON) ## Run 10^5 generated requests, and the long forms of tests by brute force
 	FOOTFALL_SOAK=$${FOOTFALL_SOAK:-100000} cargo test --release --locked -p motion -p server --test it soak
 	FOOTFALL_FULL=1 cargo test --release --locked -p collision --test it
 	FOOTFALL_FULL=1 cargo test --release --locked -p bridge --test it -- link:: histories:: authority::
 	FOOTFALL_FULL=1 cargo test --release --locked -p motion --test it -- final_check body_shift
 	FOOTFALL_FULL=1 cargo test --release --locked -p terrain --test it -- damaged
+	FOOTFALL_FULL=1 FOOTFALL_PYTHON=$(CURDIR)/$(VENV)/bin/python cargo test --release --locked -p bridge --test it -- \
+		--nocapture chain crash damage disk_full kill replay stock_reader
 
 format: tools web/node_modules/.package-lock.json ## Format all sources
 	cargo fmt --all

@@ -1,4 +1,4 @@
-//! The logs of a folder.
+//! The logs of a folder: folders of segments, or single files as earlier versions wrote them.
 //!
 //! Names from requests are never joined to a path unless they are log ids: `[A-Za-z0-9_-]`, 1 to 64
 //! characters.
@@ -11,8 +11,13 @@ use mcap::records::op;
 use wire::resources::LogInfo;
 use wire::time::Timestamp;
 
-use crate::reader::{self, Limits, LogContent, ReadError};
+use crate::clip::{self, ClipNote, Clipped, Selection};
+use crate::reader::{self, IndexedLog, Limits, LogContent, ReadError};
+use crate::recorder::LogFolder;
+use crate::segments::{self, Kind};
 
+/// Times that a log is looked at again because one of its segments was sealed meanwhile.
+const SEALED_MEANWHILE: usize = 4;
 /// Most records looked at in a log without a summary; the counts stop there.
 const SCAN_RECORDS: u64 = 2_000_000;
 /// Most records of a summary that are passed over in search of the statistics.
@@ -26,22 +31,111 @@ pub fn is_log_id(id: &str) -> bool {
     (1..=64).contains(&id.len()) && id.bytes().all(plain)
 }
 
-/// The file of a log, if there is one.
+/// The file of a log of one file: a log of an earlier version, or one with a single segment.
 pub fn log_path(dir: &Path, id: &str) -> Result<PathBuf, ReadError> {
+    let mut files = log_files(dir, id)?;
+    match (files.len(), files.pop()) {
+        (1, Some(file)) => Ok(file),
+        (n, _) => Err(ReadError::Segments { id: id.into(), segments: n }),
+    }
+}
+
+/// The files of a log, in order: its segments, each sealed or still open; or the one file that a log
+/// of an earlier version is.
+pub fn log_files(dir: &Path, id: &str) -> Result<Vec<PathBuf>, ReadError> {
     let unknown = || ReadError::Unknown { id: id.chars().take(64).collect() };
     if !is_log_id(id) {
         return Err(unknown());
     }
     let path = dir.join(format!("{id}.mcap"));
-    match std::fs::symlink_metadata(&path) {
-        Ok(meta) if meta.is_file() => Ok(path),
-        _ => Err(unknown()),
+    if std::fs::symlink_metadata(&path).is_ok_and(|meta| meta.is_file()) {
+        return Ok(vec![path]);
     }
+    let folder = dir.join(id);
+    if !std::fs::symlink_metadata(&folder).is_ok_and(|meta| meta.is_dir()) {
+        return Err(unknown());
+    }
+    let mut files = Vec::new();
+    for (number, kinds) in segments::list(&LogFolder::new(dir), id)? {
+        let kind = [Kind::Sealed, Kind::Open].into_iter().find(|kind| kinds.contains(kind));
+        files.extend(kind.map(|kind| folder.join(segments::file_name(number, kind))));
+    }
+    if files.is_empty() { Err(unknown()) } else { Ok(files) }
+}
+
+/// Calls `look` with the files of a log; again where one of them was sealed meanwhile and has
+/// another name now.
+fn with_files<T>(
+    dir: &Path,
+    id: &str,
+    mut look: impl FnMut(&[PathBuf]) -> Result<T, ReadError>,
+) -> Result<T, ReadError> {
+    for _ in 0..SEALED_MEANWHILE {
+        match look(&log_files(dir, id)?) {
+            Err(ReadError::Io(error)) if error.kind() == io::ErrorKind::NotFound => {}
+            outcome => return outcome,
+        }
+    }
+    look(&log_files(dir, id)?)
 }
 
 /// Reads a log of the folder whole, see [`reader::read_log`].
 pub fn read_log(dir: &Path, id: &str, limits: Limits) -> Result<LogContent, ReadError> {
-    reader::read_file(&log_path(dir, id)?, limits)
+    with_files(dir, id, |files| {
+        let mut content = LogContent::default();
+        let mut left = limits.total_bytes;
+        for file in files {
+            let part = match reader::read_file(file, Limits { total_bytes: left, ..limits }) {
+                Err(ReadError::TooLarge { .. }) => {
+                    return Err(ReadError::TooLarge { limit: limits.total_bytes });
+                }
+                // One segment that gives nothing does not take the others away.
+                Err(ReadError::Damaged(damage)) if files.len() > 1 => {
+                    content.damage.push(damage);
+                    continue;
+                }
+                part => part?,
+            };
+            left = left.saturating_sub(part.messages.iter().map(|m| m.data.len() + 96).sum());
+            content.messages.extend(part.messages);
+            content.damage.extend(part.damage);
+        }
+        Ok(content)
+    })
+}
+
+/// Opens a log of the folder to read it piece by piece.
+pub fn open_log(dir: &Path, id: &str, limits: Limits) -> Result<IndexedLog, ReadError> {
+    with_files(dir, id, |files| IndexedLog::open(files, limits))
+}
+
+/// Writes a part of a log to a new log of the folder, named `clip`.
+pub fn clip_log(
+    dir: &Path,
+    id: &str,
+    clip: &str,
+    selection: &Selection,
+    note: &ClipNote,
+) -> Result<Clipped, ReadError> {
+    if !is_log_id(clip) {
+        return Err(ReadError::Unknown { id: clip.chars().take(64).collect() });
+    }
+    let out = dir.join(format!("{clip}.mcap"));
+    with_files(dir, id, |files| {
+        let inside = files.iter().filter(|file| may_hold(file, selection)).cloned();
+        clip::copy_to(&inside.collect::<Vec<_>>(), selection, note, &out, Limits::default())
+    })
+}
+
+/// False if the summary of a file says that nothing of the wished time is in it.
+fn may_hold(path: &Path, selection: &Selection) -> bool {
+    let extent = File::open(path).and_then(|file| {
+        let size = file.metadata()?.len();
+        summary_extent(&mut BufReader::new(file), size)
+    });
+    let Ok(Some(extent)) = extent else { return true };
+    selection.from.is_none_or(|from| from.0 <= extent.end)
+        && selection.to.is_none_or(|to| extent.start <= to.0)
 }
 
 /// The logs of the folder, newest first; `open` is the one being written, as the recorder has it.
@@ -54,7 +148,8 @@ pub fn list_logs(dir: &Path, open: Option<&LogInfo>) -> io::Result<Vec<LogInfo>>
     let mut logs = Vec::new();
     for entry in entries {
         let name = entry?.file_name();
-        let Some(id) = name.to_str().and_then(|name| name.strip_suffix(".mcap")) else { continue };
+        let Some(name) = name.to_str() else { continue };
+        let id = name.strip_suffix(".mcap").unwrap_or(name);
         match open.filter(|open| open.id == id && open.open) {
             Some(open) => logs.push(open.clone()),
             None => logs.extend(log_info(dir, id).ok()),
@@ -64,20 +159,31 @@ pub fn list_logs(dir: &Path, open: Option<&LogInfo>) -> io::Result<Vec<LogInfo>>
     Ok(logs)
 }
 
-/// What the list says of one log: from the summary, or from a walk along its chunks. Where a log is
-/// torn, the count may lack the messages of the last chunk.
+/// What the list says of one log: from the summaries, or from a walk along the chunks. Where a log
+/// is torn, the count may lack the messages of the last chunk.
 pub fn log_info(dir: &Path, id: &str) -> Result<LogInfo, ReadError> {
-    let path = log_path(dir, id)?;
-    let mut file = BufReader::new(File::open(path)?);
-    let size = file.get_ref().metadata()?.len();
-    let found = match summary_extent(&mut file, size)? {
-        Some(extent) => extent,
-        None => walk_extent(&mut file, size)?,
-    };
-    let Extent { start, end, messages } = found;
-    let time = |t: u64| (messages > 0).then_some(Timestamp(t));
-    let (start, end) = (time(start), time(end));
-    Ok(LogInfo { id: id.into(), size, start, end, messages, open: false })
+    with_files(dir, id, |files| {
+        let none = Extent { start: u64::MAX, end: 0, messages: 0 };
+        let (mut all, mut size) = (none, 0);
+        for path in files {
+            let mut file = BufReader::new(File::open(path)?);
+            let bytes = file.get_ref().metadata()?.len();
+            size += bytes;
+            let found = match summary_extent(&mut file, bytes)? {
+                Some(extent) => extent,
+                None => walk_extent(&mut file, bytes)?,
+            };
+            if found.messages > 0 {
+                all.start = all.start.min(found.start);
+                all.end = all.end.max(found.end);
+                all.messages += found.messages;
+            }
+        }
+        let Extent { start, end, messages } = all;
+        let time = |t: u64| (messages > 0).then_some(Timestamp(t));
+        let (start, end) = (time(start), time(end));
+        Ok(LogInfo { id: id.into(), size, start, end, messages, open: false })
+    })
 }
 
 struct Extent {
@@ -119,8 +225,11 @@ fn walk_extent(file: &mut BufReader<File>, size: u64) -> io::Result<Extent> {
         if opcode == op::CHUNK && length >= 16 {
             let mut times = [0; 16];
             file.read_exact(&mut times)?;
-            extent.start = extent.start.min(u64_at(&times, 0));
-            extent.end = extent.end.max(u64_at(&times, 8));
+            // A chunk that only introduces channels has no times.
+            if times != [0; 16] {
+                extent.start = extent.start.min(u64_at(&times, 0));
+                extent.end = extent.end.max(u64_at(&times, 8));
+            }
         } else if opcode == op::MESSAGE_INDEX {
             extent.messages += length.saturating_sub(6) / 16;
         }

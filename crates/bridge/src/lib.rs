@@ -14,6 +14,7 @@
 //! - [`commands`]: [`commands::CommandBook`], whose state is a fold of its events;
 //!   [`commands::Authority`], who may command.
 //! - [`recorder`]: one thread that owns the log file; what is acknowledged is on the disk.
+//! - [`seal`], [`recover`], [`doctor`]: complete files out of what was written, also after a crash.
 //! - [`reader`], [`catalog`]: reading any MCAP file, also a hostile one, within stated limits.
 //! - [`replay`]: a log played through the same channels.
 //! - [`bus`]: every message, encoded once, for all listeners in the process.
@@ -23,13 +24,22 @@
 //! [`clock::Clock`].
 
 pub mod adapter;
+pub mod bookmarks;
 pub mod bus;
 pub mod catalog;
+pub mod clip;
 pub mod clock;
 pub mod commands;
+pub mod doctor;
 pub mod ground;
 pub mod link;
+mod marks;
 pub mod reader;
 pub mod recorder;
+pub mod recover;
 pub mod replay;
+pub mod rewrite;
+pub mod seal;
+pub mod segments;
 pub mod sim_adapter;
+pub mod verify;

@@ -1,10 +1,10 @@
 //! Reading any MCAP file, whole or torn, honest or hostile, within stated limits.
 //!
 //! Every chunk is checked against its CRC before any of its messages is handed out. A bad chunk is
-//! passed over and told; damage to the frame of the file (a torn tail, a length beyond the limit)
-//! ends the reading with all that came before it, and is told. A file of which nothing can be read
-//! for damage is an error. Nothing here panics or takes more memory than the limits say, whatever
-//! the bytes.
+//! passed over and told. Where the frame of the file is damaged (a torn tail, a length beyond the
+//! limit, garbage), reading goes on at the next whole chunk whose CRC agrees, and that is told. A
+//! file of which nothing can be read for damage is an error. Nothing here panics or takes more
+//! memory than the limits say, whatever the bytes.
 
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -12,10 +12,21 @@ use std::path::Path;
 use std::sync::Arc;
 
 use bytes::Bytes;
-use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use mcap::records::op;
 use wire::time::Timestamp;
 
-mod chunk;
+pub(crate) mod chunk;
+pub(crate) mod fields;
+pub(crate) mod frames;
+mod indexed;
+mod items;
+
+pub use indexed::{IndexedLog, Piece};
+pub use items::{ChannelDef, Item, SchemaDef};
+
+use fields::{ChunkHeader, Fields};
+use frames::Window;
+use items::Items;
 
 /// Limits of a reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -106,6 +117,14 @@ pub enum Damage {
     /// The file's own checksum of all its data does not agree with the data.
     #[error("the checksum of the whole file does not agree with its content")]
     BadFileCrc,
+    /// What stands behind the messages, the index and the summary, is damaged.
+    #[error("the summary of the file is damaged at byte {at}: {reason}")]
+    BadSummary {
+        /// Where.
+        at: u64,
+        /// What is wrong.
+        reason: String,
+    },
 }
 
 impl Damage {
@@ -120,6 +139,7 @@ impl Damage {
             Damage::BadChunk { .. } => "log_chunk_damaged",
             Damage::BadRecord { .. } => "log_record_damaged",
             Damage::BadFileCrc => "log_checksum",
+            Damage::BadSummary { .. } => "log_summary_damaged",
         }
     }
 }
@@ -139,6 +159,14 @@ pub enum ReadError {
         /// The limit (bytes).
         limit: usize,
     },
+    /// The log is more than one file.
+    #[error("the log {id} has {segments} segments; take a clip of it")]
+    Segments {
+        /// The log.
+        id: String,
+        /// Its segments.
+        segments: usize,
+    },
     /// No log of that name.
     #[error("there is no log {id:?}")]
     Unknown {
@@ -153,7 +181,7 @@ impl ReadError {
         match self {
             ReadError::Io(_) => "log_io",
             ReadError::Damaged(damage) => damage.code(),
-            ReadError::TooLarge { .. } => "log_too_large",
+            ReadError::TooLarge { .. } | ReadError::Segments { .. } => "log_too_large",
             ReadError::Unknown { .. } => "log_unknown",
         }
     }
@@ -196,52 +224,148 @@ pub fn read_log(source: impl Read, limits: Limits) -> Result<LogContent, ReadErr
 
 /// Gives each message to `take` until that answers false; then what is wrong with the file.
 pub fn scan(
-    mut source: impl Read,
+    source: impl Read,
     limits: Limits,
     mut take: impl FnMut(LogMessage) -> bool,
 ) -> Result<Vec<Damage>, ReadError> {
-    let options = LinearReaderOptions::default()
-        .with_emit_chunks(true)
-        .with_record_length_limit(limits.record_bytes)
-        .with_validate_data_section_crc(true);
-    let mut reader = LinearReader::new_with_options(options);
-    let mut records = chunk::Records::new(limits);
-    // The magic bytes stand before the first record.
-    let mut at = mcap::MAGIC.len() as u64;
-    while let Some(event) = reader.next_event() {
-        match event {
-            Ok(LinearReadEvent::ReadRequest(wanted)) => {
-                let read = source.read(reader.insert(wanted.min(limits.record_bytes + 9)))?;
-                reader.notify_read(read);
-            }
-            Ok(LinearReadEvent::Record { opcode, data }) => {
-                let fatal = records.take(opcode, data, at);
-                for message in records.messages.drain(..) {
-                    if !take(message) {
-                        return Ok(records.damage);
-                    }
-                }
-                if fatal {
-                    return Ok(records.damage);
-                }
-                at += 9 + data.len() as u64;
-            }
-            Err(error) => {
-                records.damage.push(frame_damage(error, at));
-                return Ok(records.damage);
-            }
-        }
-    }
-    Ok(records.damage)
+    scan_items(source, limits, |item| match item {
+        Item::Message(_, message) => take(message),
+        _ => true,
+    })
 }
 
-fn frame_damage(error: mcap::McapError, at: u64) -> Damage {
-    use mcap::McapError;
-    match error {
-        McapError::BadMagic if at == mcap::MAGIC.len() as u64 => Damage::NotMcap,
-        McapError::UnexpectedEof | McapError::BadMagic => Damage::Torn { at },
-        McapError::RecordTooLarge { len, .. } => Damage::RecordTooLong { at, length: len },
-        McapError::BadDataCrc { .. } => Damage::BadFileCrc,
-        other => Damage::BadRecord { at, reason: other.to_string() },
+/// Gives everything that the log holds to `take` until that answers false; then what is wrong with
+/// the file.
+pub fn scan_items(
+    source: impl Read,
+    limits: Limits,
+    mut take: impl FnMut(Item) -> bool,
+) -> Result<Vec<Damage>, ReadError> {
+    let taken = scan_places(source, limits, |_, _, mut items| Iterator::all(&mut items, &mut take));
+    taken.map(|(_, damage)| damage)
+}
+
+/// As [`scan_items`], record by record of the file: where it is, its kind, and what it holds.
+fn scan_places(
+    source: impl Read,
+    limits: Limits,
+    mut take: impl FnMut(std::ops::Range<u64>, u8, &mut dyn Iterator<Item = Item>) -> bool,
+) -> Result<(Items, Vec<Damage>), ReadError> {
+    let mut window = Window::new(source);
+    let mut items = Items::new(limits);
+    if !window.fill(mcap::MAGIC.len())? {
+        let torn = mcap::MAGIC.starts_with(window.rest());
+        items.damage.push(if torn { Damage::Torn { at: 0 } } else { Damage::NotMcap });
+        return Ok(done(items));
+    }
+    let mut lost = !window.rest().starts_with(mcap::MAGIC);
+    if lost {
+        items.damage.push(Damage::NotMcap);
+    } else {
+        window.pass(mcap::MAGIC.len());
+    }
+    let sound = |header: &ChunkHeader<'_>| chunk::content(header, 0, limits).is_ok();
+    loop {
+        let at = window.at();
+        if lost {
+            if !window.find_chunk(limits.record_bytes, sound)? {
+                return Ok(done(items));
+            }
+            lost = false;
+            continue;
+        }
+        let whole = window.fill(9)?;
+        let Some((opcode, length)) = window.frame().filter(|_| whole) else {
+            items.damage.push(Damage::Torn { at });
+            return Ok(done(items));
+        };
+        let Some(size) = usize::try_from(length).ok().filter(|&n| n <= limits.record_bytes) else {
+            items.damage.push(Damage::RecordTooLong { at, length });
+            lost = true;
+            continue;
+        };
+        if !window.fill(9 + size)? {
+            items.damage.push(Damage::Torn { at });
+            lost = true;
+            continue;
+        }
+        let data = &window.rest()[9..9 + size];
+        if opcode == op::DATA_END && size == 4 {
+            let said = Fields(data).u32().unwrap_or_default();
+            if said != 0 && said != window.crc() {
+                items.damage.push(Damage::BadFileCrc);
+            }
+            window.pass(9 + size);
+            items.damage.extend(summary_damage(&mut window, limits)?);
+            return Ok(done(items));
+        }
+        let trusted = items.take(opcode, data, at);
+        let mut out = std::mem::take(&mut items.out);
+        let went_on = take(at..at + 9 + size as u64, opcode, &mut out.drain(..));
+        items.out = out;
+        if !went_on {
+            return Ok(done(items));
+        }
+        if trusted {
+            window.pass(9 + size);
+        } else {
+            // Its length may be what was hit: what stands within it may be good.
+            lost = true;
+        }
+    }
+}
+
+fn done(mut items: Items) -> (Items, Vec<Damage>) {
+    let damage = std::mem::take(&mut items.damage);
+    (items, damage)
+}
+
+/// What is wrong from the end of the data to the end of the file.
+fn summary_damage(
+    window: &mut Window<impl Read>,
+    limits: Limits,
+) -> Result<Option<Damage>, ReadError> {
+    window.reset_crc();
+    loop {
+        let at = window.at();
+        let bad = |reason: &str| Ok(Some(Damage::BadSummary { at, reason: reason.into() }));
+        if !window.fill(9)? {
+            return Ok(Some(Damage::Torn { at }));
+        }
+        let Some((opcode, length)) = window.frame() else { return Ok(Some(Damage::Torn { at })) };
+        let Some(size) = usize::try_from(length).ok().filter(|&n| n <= limits.record_bytes) else {
+            return Ok(Some(Damage::RecordTooLong { at, length }));
+        };
+        if !window.fill(9 + size)? {
+            return Ok(Some(Damage::Torn { at }));
+        }
+        if opcode != op::FOOTER {
+            if opcode == op::CHUNK || opcode == op::MESSAGE {
+                return bad("messages stand behind the end of the data");
+            }
+            window.pass(9 + size);
+            continue;
+        }
+        // The checksum covers the footer up to itself.
+        window.pass((9 + 16).min(9 + size));
+        let crc = window.crc();
+        if size != 20 || !window.fill(4 + mcap::MAGIC.len())? {
+            return bad("the footer is not whole");
+        }
+        let said = Fields(window.rest()).u32().unwrap_or_default();
+        if said != 0 && said != crc {
+            return bad("its checksum does not agree");
+        }
+        window.pass(4);
+        if !window.rest().starts_with(mcap::MAGIC) {
+            return bad("the magic bytes of the end are others");
+        }
+        window.pass(mcap::MAGIC.len());
+        if window.fill(1)? {
+            let at = window.at();
+            let reason = "there are bytes behind the end of the file".into();
+            return Ok(Some(Damage::BadSummary { at, reason }));
+        }
+        return Ok(None);
     }
 }

@@ -5,15 +5,29 @@
 //! telemetry, and nothing that was acknowledged. The file is at all times a clean prefix that stock
 //! readers take (buffered chunks: the file never shows a chunk that is not whole).
 //!
-//! The first error of a file is final for that file, a failed sync above all: the batch goes to a
-//! new file, so that a message may stand in two files but never in none. While no file can be
-//! written, telemetry is dropped and counted, durable messages are refused to whoever waits for
-//! them but kept, and the disk is tried again every 250 ms and with every durable message.
+//! A log is a folder of segments ([`crate::segments`]); a new one begins every 256 MiB or 15 min, or
+//! when asked for. What is no longer written is sealed aside ([`crate::seal`]); what a crash left is
+//! recovered and sealed when the next recorder starts ([`crate::recover`]).
 //!
-//! Bounds: telemetry waiting for the disk is limited to 32 MiB (the oldest gives way, counted and
-//! told as an event); durable messages to 16 384, beyond which they are refused.
+//! The first error of a segment is final for it, a failed sync above all: the batch goes to a new
+//! one, which says how much of the old one counts. While no segment can be written, telemetry is
+//! dropped and counted, durable messages are refused to whoever waits for them but kept, and the
+//! disk is tried again every 250 ms and with every durable message.
+//!
+//! **Full disk**: below 10 % (at most 2 GiB) free it is told, below 5 % (1 GiB) bulk is no longer
+//! logged, below 1 % (256 MiB) telemetry neither. A reserve of 64 MiB is held back, and let go when
+//! the disk takes nothing more, so that commands and events are logged on. In that state
+//! [`RecorderStatus::error`] names the full disk, for whoever must not begin a motion then; all goes
+//! on by itself once there is room.
+//!
+//! **Bounds**, by class: durable messages, 16 384 wait, more are refused; telemetry, 32 MiB wait, the
+//! oldest gives way; bulk, 8 MiB wait, the oldest gives way. A message has at most 32 MiB. Whatever
+//! gives way is counted, told as an event, and stands in the log as a message on `log/gap`.
 
 mod queue;
+mod room;
+mod sealer;
+mod segment;
 mod storage;
 mod writer;
 
@@ -24,12 +38,14 @@ use std::thread::JoinHandle;
 
 use bytes::Bytes;
 use tokio::sync::{Notify, oneshot};
-use wire::live::EventNotice;
+use wire::live::{EventLevel, EventNotice};
 use wire::resources::LogInfo;
 use wire::time::Timestamp;
 
-use queue::{Item, Queue};
-pub use storage::{LogFile, LogFolder, Storage};
+use queue::{Class, Item, Queue};
+pub use storage::{LogFile, LogFolder, LogSource, Space, Storage};
+
+use crate::recover;
 
 /// A batch is written at the latest after this time (ms).
 pub const COMMIT_MS: u64 = 250;
@@ -37,6 +53,10 @@ pub const COMMIT_MS: u64 = 250;
 pub const COMMIT_BYTES: usize = 256 * 1024;
 /// Most bytes of telemetry that wait for the disk.
 pub const TELEMETRY_BYTES_MAX: usize = 32 * 1024 * 1024;
+/// Most bytes of bulk that wait for the disk.
+pub const BULK_BYTES_MAX: usize = 8 * 1024 * 1024;
+/// Largest message (bytes).
+pub const RECORD_BYTES_MAX: usize = 32 * 1024 * 1024;
 /// Most durable messages that wait for the disk.
 pub const DURABLE_MAX: usize = 16 * 1024;
 
@@ -67,14 +87,36 @@ pub struct ChannelSchema {
 }
 
 /// What a recorder is started with.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct RecorderOptions {
-    /// The time that names the file.
+    /// The time that names the log.
     pub start: Timestamp,
-    /// Kept in the file as metadata record `footfall`.
+    /// Kept in each segment as metadata record `footfall`.
     pub metadata: BTreeMap<String, String>,
     /// Schemas by channel. A channel without one is written without.
     pub schemas: Vec<ChannelSchema>,
+    /// A segment ends at this size (bytes) …
+    pub segment_bytes: u64,
+    /// … or after this time (s), by the times of its messages.
+    pub segment_s: f64,
+    /// Room held back for commands and events on a full disk (bytes).
+    pub reserve_bytes: u64,
+    /// Seal by a thread of its own; else between two batches, for tests that count every call.
+    pub seal_aside: bool,
+}
+
+impl Default for RecorderOptions {
+    fn default() -> Self {
+        RecorderOptions {
+            start: Timestamp(0),
+            metadata: BTreeMap::new(),
+            schemas: Vec::new(),
+            segment_bytes: 256 << 20,
+            segment_s: 900.0,
+            reserve_bytes: 64 << 20,
+            seal_aside: true,
+        }
+    }
 }
 
 /// Why a recorder does not start, or a message is not safe.
@@ -89,6 +131,12 @@ pub enum RecorderError {
     /// Too many durable messages wait.
     #[error("{DURABLE_MAX} messages wait for the disk already")]
     QueueFull,
+    /// The message is too large.
+    #[error("a message of {bytes} bytes is larger than the log takes, {RECORD_BYTES_MAX}")]
+    TooLarge {
+        /// Its size.
+        bytes: usize,
+    },
     /// The recorder has ended.
     #[error("the recorder has ended")]
     Ended,
@@ -97,17 +145,17 @@ pub enum RecorderError {
 /// The recorder as it is.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RecorderStatus {
-    /// The file being written, with what is safe on the disk.
+    /// The log being written, with what is safe on the disk.
     pub log: LogInfo,
-    /// Batches synced, over all files.
+    /// Batches synced.
     pub commits: u64,
-    /// Messages synced, over all files.
+    /// Messages synced.
     pub messages: u64,
-    /// Messages dropped, over all files.
+    /// Messages dropped.
     pub dropped: u64,
-    /// Files begun.
+    /// Segments begun.
     pub segments: u64,
-    /// Why the disk takes nothing at present.
+    /// Why the disk does not take everything at present; no motion should begin then.
     pub error: Option<String>,
 }
 
@@ -136,7 +184,7 @@ impl Written {
     }
 }
 
-/// A running recorder. Dropping it writes what waits and closes the file.
+/// A running recorder. Dropping it writes what waits and seals the log.
 #[derive(Debug)]
 pub struct Recorder {
     queue: Arc<Queue>,
@@ -144,7 +192,8 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Starts a log file in the folder `dir`, which is made if need be.
+    /// Recovers what a crash has left in the folder `dir`, which is made if need be, and starts a
+    /// new log there.
     pub fn start(dir: &Path, options: RecorderOptions) -> Result<Recorder, RecorderError> {
         Recorder::start_on(Box::new(LogFolder::new(dir)), options)
     }
@@ -154,25 +203,46 @@ impl Recorder {
         storage: Box<dyn Storage>,
         options: RecorderOptions,
     ) -> Result<Recorder, RecorderError> {
+        let storage: Arc<dyn Storage> = storage.into();
         let queue = Arc::new(Queue::default());
-        let writer = writer::Writer::open(storage, options, queue.clone())
-            .map_err(|e| RecorderError::Open(e.to_string()))?;
+        let open_error = |e: std::io::Error| RecorderError::Open(e.to_string());
+        let recovery = recover::recover(&*storage).map_err(open_error)?;
+        for recovered in &recovery.segments {
+            let level = match recovered.outcome {
+                Ok(_) if recovered.is_lossless() => EventLevel::Info,
+                Ok(_) => EventLevel::Warning,
+                Err(_) => EventLevel::Critical,
+            };
+            queue.notice(level, recovered.text());
+        }
+        let writer = writer::Writer::open(storage, options, queue.clone(), recovery.head)
+            .map_err(open_error)?;
         let thread = std::thread::Builder::new()
             .name("flight-recorder".into())
             .spawn(move || writer.run())
-            .map_err(|e| RecorderError::Open(e.to_string()))?;
+            .map_err(open_error)?;
         Ok(Recorder { queue, thread: Some(thread) })
     }
 
     /// Records telemetry: never waits, and may be dropped when the disk is too slow for 32 MiB.
     pub fn record(&self, record: Record) {
-        self.queue.push_telemetry(record);
+        self.queue.push(record, Class::Telemetry);
+    }
+
+    /// Records images and the like, which give way before telemetry does.
+    pub fn record_bulk(&self, record: Record) {
+        self.queue.push(record, Class::Bulk);
+    }
+
+    /// Asks for a new segment, as when a part of the mission is over.
+    pub fn rotate(&self) {
+        self.queue.rotate();
     }
 
     /// Records what must not be lost; the answer completes once it is synced.
     pub fn record_durable(&self, record: Record) -> Result<Written, RecorderError> {
         let (sender, receiver) = oneshot::channel();
-        self.queue.push_durable(Item { record, written: Some(sender) })?;
+        self.queue.push_durable(Item { record, class: Class::Durable, written: Some(sender) })?;
         Ok(Written(receiver))
     }
 
@@ -193,8 +263,7 @@ impl Recorder {
         self.queue.status()
     }
 
-    /// Writes what waits, the summary and the end of the file, and syncs it. Blocks. What comes
-    /// later is refused, or dropped and counted.
+    /// Writes what waits and seals the log. Blocks. What comes later is refused, or dropped and counted.
     pub fn finish(&mut self) -> Result<RecorderStatus, RecorderError> {
         self.stop();
         let status = self.status();

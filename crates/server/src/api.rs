@@ -5,6 +5,7 @@ mod authority;
 mod commands;
 mod foxglove;
 mod jobs;
+mod log_notes;
 mod logs;
 mod plans;
 mod rover;
@@ -60,6 +61,8 @@ const BODY_PAUSE: Duration = Duration::from_secs(20);
         wire::live::JobReport,
         wire::live::EventNotice,
         wire::live::ReachSummary,
+        wire::live::LogGap,
+        wire::live::GapReason,
     ))
 )]
 struct Document;
@@ -73,6 +76,7 @@ fn described() -> OpenApiRouter<AppState> {
         .merge(commands::routes())
         .merge(authority::routes())
         .merge(logs::routes())
+        .merge(log_notes::routes())
         .merge(jobs::routes())
         .routes(routes!(openapi_json))
         .layer(DefaultBodyLimit::max(BODY_BYTES_MAX))

@@ -4,7 +4,7 @@
 
 mod analyze;
 mod compare;
-mod files;
+mod log;
 mod run_server;
 mod terrain;
 
@@ -58,7 +58,7 @@ enum Command {
     Terrain(terrain::TerrainCommand),
     /// Flight logs.
     #[command(subcommand)]
-    Log(files::LogCommand),
+    Log(log::LogCommand),
     /// Print the OpenAPI document of the server.
     Openapi,
 }
@@ -99,6 +99,8 @@ enum Verdict {
     Done,
     /// Exit status 1.
     No,
+    /// Exit status 3: done, but something is lost.
+    Lossy,
 }
 
 /// How to write to standard output and error.
@@ -168,6 +170,7 @@ pub fn main() -> ExitCode {
     match run(&cli.command, output) {
         Ok(Verdict::Done) => ExitCode::SUCCESS,
         Ok(Verdict::No) => ExitCode::from(1),
+        Ok(Verdict::Lossy) => ExitCode::from(3),
         Err(failure) => output.failure(&failure),
     }
 }
@@ -192,7 +195,7 @@ fn run(command: &Command, output: Output) -> Result<Verdict, Failure> {
         Command::Traversability(args) => analyze::traversability(args, output),
         Command::Compare(args) => compare::compare(args, output),
         Command::Terrain(command) => terrain::terrain(command, output),
-        Command::Log(command) => files::log(command, output),
+        Command::Log(command) => log::log(command, output),
         Command::Openapi => output.text(&api::document_text()).map(|()| Verdict::Done),
     }
 }

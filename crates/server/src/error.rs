@@ -71,7 +71,8 @@ pub const CODES: &[(&str, u16, &str)] = &[
     ("command_invalid", 422, "a command that this rover cannot execute"),
     ("command_unknown", 404, "no such command"),
     ("log_unknown", 404, "no such log"),
-    ("log_empty", 422, "a log without messages to play"),
+    ("log_empty", 422, "a log, or a part of it, without messages"),
+    ("bookmark_unknown", 404, "no such bookmark"),
     ("replay_unknown", 404, "no such replay"),
     ("rate_invalid", 422, "a speed of replay out of range"),
     ("channel_unknown", 422, "no such channel"),
@@ -110,7 +111,7 @@ pub const CODES: &[(&str, u16, &str)] = &[
     ("queue_full", 429, "too many commands at once"),
     ("cancelled", 409, "it was cancelled"),
     ("deadline", 504, "deadline_s passed before the answer was complete"),
-    ("log_too_large", 422, "a log larger than a replay takes"),
+    ("log_too_large", 422, "a log too large to be taken whole; take a clip of it"),
     ("log_io", 500, "the disk does not give the log"),
     ("log_damaged", 422, "a log of which nothing can be read"),
     ("log_unavailable", 503, "the flight log cannot be written, so no command is taken"),
@@ -171,7 +172,16 @@ macro_rules! coded {
         }
     )*};
 }
-coded!(AuthorityError, CommandError, EstopError, RoverBusy, ReplayError);
+coded!(AuthorityError, CommandError, EstopError, RoverBusy);
+
+impl From<ReplayError> for ApiError {
+    fn from(error: ReplayError) -> ApiError {
+        match error {
+            ReplayError::Read(error) => error.into(),
+            other => ApiError::new(other.code(), other.to_string()),
+        }
+    }
+}
 
 impl From<ReadError> for ApiError {
     fn from(error: ReadError) -> ApiError {

@@ -139,8 +139,12 @@ impl Player {
             None => {}
         }
         if let Some(at) = change.at {
-            let shown = replay.seek(now, at);
+            let shown = replay.seek(now, at)?;
             self.tell(shown);
+        }
+        if change.step == Some(true) {
+            let next = replay.step(now)?;
+            self.tell(next.into_iter().collect());
         }
         let state = replay.state(now);
         drop(replay);
@@ -150,8 +154,9 @@ impl Player {
 
     /// The state where the replay is, and all that follows.
     pub fn subscribe(&self) -> (Vec<Arc<ChannelMessage>>, broadcast::Receiver<ReplayItem>) {
-        let replay = self.locked();
-        let shown = replay.snapshot().into_iter().map(Arc::new).collect();
+        let mut replay = self.locked();
+        // A disk that does not give the state now is told by the next message.
+        let shown = replay.snapshot().unwrap_or_default().into_iter().map(Arc::new).collect();
         (shown, self.sender.subscribe())
     }
 
@@ -159,7 +164,13 @@ impl Player {
     fn advance(&self, told_s: &mut f64) -> f64 {
         let now = self.clock.now();
         let mut replay = self.locked();
-        self.tell(replay.advance(now));
+        match replay.advance(now) {
+            Ok(messages) => self.tell(messages),
+            Err(error) => {
+                tracing::error!("a replay is held: {error}");
+                replay.pause(now);
+            }
+        }
         if *told_s >= TELL_S {
             *told_s = 0.0;
             // Nobody listening is no error.

@@ -20,8 +20,8 @@ use tokio::sync::{Semaphore, watch};
 use utoipa::PartialSchema;
 use wire::check::{At, RequestError};
 use wire::live::{
-    CommandEvent, EventLevel, EventNotice, JobReport, LinkReport, ReachSummary, RoverTelemetry,
-    StabilityDerived, TerrainNotice, Uplink, channel,
+    CommandEvent, EventLevel, EventNotice, JobReport, LinkReport, LogGap, ReachSummary,
+    RoverTelemetry, StabilityDerived, TerrainNotice, Uplink, channel,
 };
 use wire::scene::Scene as WireScene;
 
@@ -309,7 +309,8 @@ fn recorder(
         ("terrain_version".to_owned(), version_name(map)),
         ("terrain_source".to_owned(), source_text(map)),
     ]);
-    let options = RecorderOptions { start: now, metadata, schemas: schemas() };
+    let options =
+        RecorderOptions { start: now, metadata, schemas: schemas(), ..RecorderOptions::default() };
     Recorder::start(&config.server.logs_dir, options).map_err(|error| StartError::Log {
         folder: config.server.logs_dir.display().to_string(),
         reason: error.to_string(),
@@ -349,6 +350,7 @@ pub fn schemas() -> Vec<ChannelSchema> {
         of!(channel::LINK, LinkReport),
         of!(channel::TERRAIN, TerrainNotice),
         of!(channel::EVENT, EventNotice),
+        of!(channel::LOG_GAP, LogGap),
     ]
 }
 

@@ -35,8 +35,10 @@ pub mod channel {
     pub const EVENT: &str = "event";
     /// [`super::ReachSummary`]: how far the live reachability of all legs is, on each change.
     pub const ROVER_REACH: &str = "rover/reachability";
+    /// [`super::LogGap`]: messages that the flight log lacks (in logs only).
+    pub const LOG_GAP: &str = "log/gap";
     /// All channels, in a fixed order.
-    pub const ALL: [&str; 9] = [
+    pub const ALL: [&str; 10] = [
         ROVER_STATE,
         ROVER_STABILITY,
         COMMAND_UPLINK,
@@ -46,7 +48,43 @@ pub mod channel {
         JOB,
         EVENT,
         ROVER_REACH,
+        LOG_GAP,
     ];
+}
+
+/// Messages of one channel that the flight log lacks.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct LogGap {
+    /// The channel.
+    pub channel: String,
+    /// How many.
+    pub dropped: u64,
+    /// Number of the first of them.
+    pub first_sequence: u64,
+    /// Number of the last of them.
+    pub last_sequence: u64,
+    /// Log time of the first of them.
+    pub from: Timestamp,
+    /// Log time of the last of them.
+    pub to: Timestamp,
+    /// Why.
+    pub reason: GapReason,
+}
+
+/// Why the flight log lacks messages.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum GapReason {
+    /// The disk was too slow for what came.
+    TooSlow,
+    /// The disk was full.
+    DiskFull,
+    /// The disk refused.
+    DiskError,
+    /// The recorder had ended.
+    Ended,
+    /// The message was larger than the log takes.
+    TooLarge,
 }
 
 /// What the rover is doing.

@@ -300,7 +300,7 @@ pub struct EstopAnswer {
 /// One flight log.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct LogInfo {
-    /// Identity: the file's name without ending.
+    /// Identity.
     pub id: String,
     /// Size in bytes.
     pub size: u64,
@@ -319,6 +319,59 @@ pub struct LogInfo {
 pub struct LogList {
     /// Newest first.
     pub logs: Vec<LogInfo>,
+}
+
+/// `POST /logs/{id}/clips`: a part of a log as a log of its own.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ClipRequest {
+    /// From this time on; from the beginning where absent.
+    #[serde(default)]
+    pub from: Option<Timestamp>,
+    /// Up to and with this time; to the end where absent.
+    #[serde(default)]
+    pub to: Option<Timestamp>,
+    /// Channels; all where absent.
+    #[serde(default)]
+    pub channels: Option<Vec<String>>,
+}
+
+/// A place of a log that somebody has marked.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Bookmark {
+    /// Identity.
+    pub id: String,
+    /// The place, by log time.
+    pub at: Timestamp,
+    /// Where it ends, if it is a stretch.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub until: Option<Timestamp>,
+    /// What is said of it.
+    pub text: String,
+    /// Who said it.
+    pub who: String,
+    /// When it was said.
+    pub made: Timestamp,
+}
+
+/// `POST /logs/{id}/bookmarks`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BookmarkRequest {
+    /// The place, by log time.
+    pub at: Timestamp,
+    /// Where it ends, if it is a stretch.
+    #[serde(default)]
+    pub until: Option<Timestamp>,
+    /// What is said of it: 1 to 500 characters.
+    pub text: String,
+}
+
+/// `GET /logs/{id}/bookmarks`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct BookmarkList {
+    /// By their places.
+    pub bookmarks: Vec<Bookmark>,
 }
 
 /// `POST /replays`.
@@ -348,6 +401,9 @@ pub struct ReplayChange {
     /// Hold or go on.
     #[serde(default)]
     pub paused: Option<bool>,
+    /// With `true`: hold, and give the next message, whenever it was.
+    #[serde(default)]
+    pub step: Option<bool>,
 }
 
 /// A replay as it is.

@@ -5,12 +5,12 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use tokio::sync::{Notify, oneshot};
-use wire::live::{EventLevel, EventNotice};
+use wire::live::{EventLevel, EventNotice, GapReason, LogGap};
 use wire::resources::LogInfo;
 
 use super::{
-    COMMIT_BYTES, COMMIT_MS, DURABLE_MAX, Record, RecorderError, RecorderStatus,
-    TELEMETRY_BYTES_MAX,
+    BULK_BYTES_MAX, COMMIT_BYTES, COMMIT_MS, DURABLE_MAX, RECORD_BYTES_MAX, Record, RecorderError,
+    RecorderStatus, TELEMETRY_BYTES_MAX,
 };
 
 /// What a message costs in memory beside its text.
@@ -18,10 +18,22 @@ const OVERHEAD_BYTES: usize = 96;
 /// Notices kept for the owner of the `event` channel.
 const NOTICES_MAX: usize = 256;
 
+/// How a message is treated where not all can be kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Class {
+    /// Never dropped.
+    Durable,
+    /// The oldest gives way.
+    Telemetry,
+    /// Gives way before telemetry does.
+    Bulk,
+}
+
 /// A message and who waits for it.
 #[derive(Debug)]
 pub struct Item {
     pub record: Record,
+    pub class: Class,
     pub written: Option<oneshot::Sender<Result<(), RecorderError>>>,
 }
 
@@ -29,6 +41,8 @@ pub struct Item {
 #[derive(Debug, Default)]
 pub struct Batch {
     pub items: Vec<Item>,
+    /// True if a new file was asked for.
+    pub rotate: bool,
     /// True once the recorder is to end: no batch comes after this one.
     pub last: bool,
 }
@@ -42,17 +56,40 @@ pub struct Queue {
 
 #[derive(Debug, Default)]
 struct State {
-    /// Both with a running number, to merge them in the order they came.
-    telemetry: VecDeque<(u64, Record)>,
+    /// All with a running number, to merge them in the order they came.
+    telemetry: Waiting,
+    bulk: Waiting,
     durable: VecDeque<(u64, Item)>,
     next: u64,
-    telemetry_bytes: usize,
+    rotate: bool,
     ended: bool,
     dropped: u64,
-    /// Drops by channel that were not told yet.
+    /// Drops by channel that no event has told yet, and those that the log has not told yet.
     untold: BTreeMap<Arc<str>, u64>,
+    gaps: BTreeMap<Arc<str>, LogGap>,
     notices: VecDeque<EventNotice>,
     progress: Progress,
+}
+
+/// Messages that may give way to newer ones.
+#[derive(Debug, Default)]
+struct Waiting {
+    records: VecDeque<(u64, Record)>,
+    bytes: usize,
+}
+
+impl Waiting {
+    fn push(&mut self, number: u64, record: Record) {
+        self.bytes += record.json.len() + OVERHEAD_BYTES;
+        self.records.push_back((number, record));
+    }
+
+    /// Takes the oldest out where more than `most` bytes wait.
+    fn surplus(&mut self, most: usize) -> Option<Record> {
+        let (_, oldest) = (self.bytes > most).then(|| self.records.pop_front())??;
+        self.bytes -= oldest.json.len() + OVERHEAD_BYTES;
+        Some(oldest)
+    }
 }
 
 /// What the writer tells of its work.
@@ -66,21 +103,24 @@ pub struct Progress {
 }
 
 impl Queue {
-    pub fn push_telemetry(&self, record: Record) {
+    /// Takes a message that may give way, in the class `Telemetry` or `Bulk`.
+    pub fn push(&self, record: Record, class: Class) {
         let mut state = self.lock();
         if state.ended {
-            return state.drop_one(&record.channel);
+            return state.drop_one(&record, GapReason::Ended);
         }
-        state.telemetry_bytes += record.json.len() + OVERHEAD_BYTES;
+        if record.json.len() > RECORD_BYTES_MAX {
+            return state.drop_one(&record, GapReason::TooLarge);
+        }
         let number = state.number();
-        state.telemetry.push_back((number, record));
-        while state.telemetry_bytes > TELEMETRY_BYTES_MAX
-            && let Some((_, oldest)) = state.telemetry.pop_front()
-        {
-            state.telemetry_bytes -= oldest.json.len() + OVERHEAD_BYTES;
-            state.drop_one(&oldest.channel);
-        }
-        if state.telemetry_bytes >= COMMIT_BYTES {
+        let (waiting, most) = match class {
+            Class::Bulk => (&mut state.bulk, BULK_BYTES_MAX),
+            _ => (&mut state.telemetry, TELEMETRY_BYTES_MAX),
+        };
+        waiting.push(number, record);
+        let surplus: Vec<Record> = std::iter::from_fn(|| waiting.surplus(most)).collect();
+        surplus.iter().for_each(|record| state.drop_one(record, GapReason::TooSlow));
+        if state.expendable_bytes() >= COMMIT_BYTES {
             self.wake.notify_one();
         }
     }
@@ -89,6 +129,9 @@ impl Queue {
         let mut state = self.lock();
         if state.ended {
             return Err(RecorderError::Ended);
+        }
+        if item.record.json.len() > RECORD_BYTES_MAX {
+            return Err(RecorderError::TooLarge { bytes: item.record.json.len() });
         }
         if state.durable.len() >= DURABLE_MAX {
             return Err(RecorderError::QueueFull);
@@ -99,16 +142,29 @@ impl Queue {
         Ok(())
     }
 
+    /// Asks for a new file.
+    pub fn rotate(&self) {
+        self.lock().rotate = true;
+        self.wake.notify_one();
+    }
+
     /// Waits until a batch is due and takes it. `retry`: the disk has just refused one, and is tried
     /// again after a period or with the next durable message, not with every bit of telemetry.
     pub fn take_batch(&self, retry: bool) -> Batch {
         let period = Duration::from_millis(COMMIT_MS);
         let waits = |s: &mut State| {
-            !s.ended && s.durable.is_empty() && (retry || s.telemetry_bytes < COMMIT_BYTES)
+            let busy = retry || s.expendable_bytes() < COMMIT_BYTES;
+            !s.ended && !s.rotate && s.durable.is_empty() && busy
         };
         let guard = self.wake.wait_timeout_while(self.lock(), period, waits);
         let mut state = guard.unwrap_or_else(PoisonError::into_inner).0;
-        Batch { items: state.drain(), last: state.ended }
+        let rotate = std::mem::take(&mut state.rotate);
+        Batch { items: state.drain(), rotate, last: state.ended }
+    }
+
+    /// What the log lacks and has not told yet.
+    pub fn take_gaps(&self) -> Vec<LogGap> {
+        std::mem::take(&mut self.lock().gaps).into_values().collect()
     }
 
     pub fn end(&self) {
@@ -117,9 +173,9 @@ impl Queue {
     }
 
     /// Counts messages that the writer could not write.
-    pub fn drop_all<'a>(&self, channels: impl Iterator<Item = &'a Arc<str>>) {
+    pub fn drop_all<'a>(&self, records: impl Iterator<Item = &'a Record>, reason: GapReason) {
         let mut state = self.lock();
-        channels.for_each(|channel| state.drop_one(channel));
+        records.for_each(|record| state.drop_one(record, reason));
     }
 
     pub fn notice(&self, level: EventLevel, text: String) {
@@ -129,7 +185,8 @@ impl Queue {
     pub fn take_notices(&self) -> Vec<EventNotice> {
         let mut state = self.lock();
         for (channel, dropped) in std::mem::take(&mut state.untold) {
-            let text = format!("the disk was too slow: {dropped} messages of {channel} not logged");
+            let text =
+                format!("{dropped} messages of {channel} are not in the log; log/gap tells why");
             state.notice(EventLevel::Warning, text);
         }
         std::mem::take(&mut state.notices).into()
@@ -172,9 +229,26 @@ impl State {
         self.next
     }
 
-    fn drop_one(&mut self, channel: &Arc<str>) {
+    fn expendable_bytes(&self) -> usize {
+        self.telemetry.bytes + self.bulk.bytes
+    }
+
+    fn drop_one(&mut self, record: &Record, reason: GapReason) {
         self.dropped += 1;
-        *self.untold.entry(channel.clone()).or_default() += 1;
+        *self.untold.entry(record.channel.clone()).or_default() += 1;
+        let gap = self.gaps.entry(record.channel.clone()).or_insert_with(|| LogGap {
+            channel: record.channel.to_string(),
+            dropped: 0,
+            first_sequence: record.sequence,
+            last_sequence: record.sequence,
+            from: record.log_time,
+            to: record.log_time,
+            reason,
+        });
+        gap.dropped += 1;
+        gap.last_sequence = gap.last_sequence.max(record.sequence);
+        gap.to = gap.to.max(record.log_time);
+        gap.reason = reason;
     }
 
     fn notice(&mut self, level: EventLevel, text: String) {
@@ -184,23 +258,18 @@ impl State {
         self.notices.push_back(EventNotice { level, text, who: "recorder".into() });
     }
 
+    /// Everything that waits, in the order it came.
     fn drain(&mut self) -> Vec<Item> {
-        self.telemetry_bytes = 0;
-        let mut telemetry = std::mem::take(&mut self.telemetry).into_iter().peekable();
-        let mut durable = std::mem::take(&mut self.durable).into_iter().peekable();
-        let mut items = Vec::with_capacity(telemetry.len() + durable.len());
-        loop {
-            let first = match (telemetry.peek(), durable.peek()) {
-                (Some((t, _)), Some((d, _))) => t < d,
-                (Some(_), None) => true,
-                (None, Some(_)) => false,
-                (None, None) => return items,
-            };
-            if first {
-                items.extend(telemetry.next().map(|(_, record)| Item { record, written: None }));
-            } else {
-                items.extend(durable.next().map(|(_, item)| item));
-            }
+        let mut items: Vec<(u64, Item)> = self.durable.drain(..).collect();
+        for (waiting, class) in
+            [(&mut self.telemetry, Class::Telemetry), (&mut self.bulk, Class::Bulk)]
+        {
+            waiting.bytes = 0;
+            let taken = waiting.records.drain(..);
+            items.extend(taken.map(|(n, record)| (n, Item { record, class, written: None })));
         }
+        // Three sorted runs: quick for this sort.
+        items.sort_by_key(|(number, _)| *number);
+        items.into_iter().map(|(_, item)| item).collect()
     }
 }

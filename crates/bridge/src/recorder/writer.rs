@@ -1,75 +1,79 @@
 //! The writer's thread: batches in, synced chunks out.
 
-use std::collections::{BTreeMap, HashMap};
-use std::io::{self, Write};
-use std::sync::Arc;
+use std::collections::BTreeMap;
+use std::io;
+use std::sync::{Arc, PoisonError};
 
-use mcap::records::MessageHeader;
-use mcap::write::{Metadata, NoSeek};
-use mcap::{Compression, WriteOptions};
-use wire::live::{EventLevel, channel};
+use wire::live::{EventLevel, GapReason, channel};
 use wire::resources::LogInfo;
 use wire::time::Timestamp;
 
-use super::queue::{Item, Progress, Queue};
-use super::{LogFile, Record, RecorderError, RecorderOptions, Storage};
+use super::queue::{Batch, Class, Item, Progress, Queue};
+use super::room::{self, Level, Room};
+use super::sealer::{Job, Sealer, Sizes, Worker};
+use super::segment::Segment;
+use super::{Record, RecorderError, RecorderOptions, Storage};
+use crate::recover::COMMITTED_KEY;
+use crate::seal::SealRef;
+use crate::segments;
 
-/// Files of one name that are tried: `name`, `name-2`, …
+/// Logs of one name that are tried: `name`, `name-2`, …
 const NAMES_MAX: u32 = 10_000;
 
-type McapWriter = mcap::Writer<NoSeek<Counted>>;
-
 pub struct Writer {
-    storage: Box<dyn Storage>,
+    storage: Arc<dyn Storage>,
     options: RecorderOptions,
     queue: Arc<Queue>,
+    log: String,
     segment: Option<Segment>,
+    next_number: u32,
+    /// How much counts of the segments that ended with an error.
+    failed: BTreeMap<u32, u64>,
+    sealer: Option<Sealer>,
+    sizes: Sizes,
+    room: Room,
     progress: Progress,
     /// Durable messages that no file has taken yet.
     kept: Vec<Record>,
-}
-
-struct Segment {
-    id: String,
-    mcap: McapWriter,
-    file: Box<dyn LogFile>,
-    size: Arc<std::sync::atomic::AtomicU64>,
-    channels: HashMap<Arc<str>, u16>,
+    gap_sequence: u64,
     start: Option<Timestamp>,
     end: Option<Timestamp>,
-    messages: u64,
-}
-
-/// Counts the bytes, so that the size is known without asking the disk.
-struct Counted {
-    inner: Box<dyn Write + Send>,
-    size: Arc<std::sync::atomic::AtomicU64>,
-}
-
-impl Write for Counted {
-    fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
-        let written = self.inner.write(buf)?;
-        self.size.fetch_add(written as u64, std::sync::atomic::Ordering::Relaxed);
-        Ok(written)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.inner.flush()
-    }
 }
 
 impl Writer {
-    /// Makes the first file; an error here is the caller's to tell.
+    /// Makes the first segment; an error here is the caller's to tell.
     pub fn open(
-        mut storage: Box<dyn Storage>,
+        storage: Arc<dyn Storage>,
         options: RecorderOptions,
         queue: Arc<Queue>,
+        head: Option<SealRef>,
     ) -> io::Result<Writer> {
-        let segment = Segment::create(storage.as_mut(), &options)?;
-        let progress = Progress { segments: 1, ..Progress::default() };
-        let mut writer =
-            Writer { storage, options, queue, segment: Some(segment), progress, kept: Vec::new() };
-        writer.tell();
+        let log = make_log(&*storage, options.start)?;
+        let sizes = Sizes::default();
+        let worker = Worker::new(storage.clone(), log.clone(), head, queue.clone(), sizes.clone());
+        let sealer = Some(Sealer::start(worker, options.seal_aside)?);
+        let reserve = format!("{log}/{}", segments::RESERVE);
+        let room = Room::new(storage.clone(), reserve, options.reserve_bytes);
+        let mut writer = Writer {
+            storage,
+            options,
+            queue,
+            log,
+            segment: None,
+            next_number: 1,
+            failed: BTreeMap::new(),
+            sealer,
+            sizes,
+            room,
+            progress: Progress::default(),
+            kept: Vec::new(),
+            gap_sequence: 0,
+            start: None,
+            end: None,
+        };
+        let first = writer.new_segment()?;
+        writer.segment = Some(first);
+        writer.tell(true);
         Ok(writer)
     }
 
@@ -77,28 +81,65 @@ impl Writer {
     pub fn run(mut self) {
         loop {
             let batch = self.queue.take_batch(self.segment.is_none());
-            if !batch.items.is_empty() || !self.kept.is_empty() {
-                self.commit(batch.items);
+            let last = batch.last;
+            if let Some((level, text)) = self.room.look() {
+                self.queue.notice(level, text);
             }
-            if batch.last {
+            self.turn(&batch);
+            self.commit(batch.items);
+            if last {
                 return self.finish();
             }
         }
     }
 
-    fn commit(&mut self, items: Vec<Item>) {
-        let (mut records, mut waiting) = (std::mem::take(&mut self.kept), Vec::new());
-        let mut durable = vec![true; records.len()];
-        for item in items {
-            durable.push(item.written.is_some());
-            waiting.extend(item.written);
-            records.push(item.record);
+    /// Begins a new segment where it is time to. Should that fail, the present one goes on.
+    fn turn(&mut self, batch: &Batch) {
+        let Some(segment) = &self.segment else { return };
+        let Some(start) = segment.start else { return };
+        let newest = batch.items.iter().map(|item| item.record.log_time).max();
+        let old = newest.is_some_and(|time| time.seconds_since(start) >= self.options.segment_s);
+        let large = segment.committed >= self.options.segment_bytes;
+        if !(batch.rotate || old || large) || self.room.level() == Level::Full {
+            return;
         }
-        let outcome = self.write_somewhere(&records);
+        match self.new_segment() {
+            Ok(next) => {
+                if let Some(done) = self.segment.replace(next) {
+                    self.close(done, None);
+                }
+            }
+            Err(error) => {
+                tracing::warn!("no new segment of the log can be made: {error}");
+                if room::is_full(&error) {
+                    self.exhausted();
+                }
+            }
+        }
+    }
+
+    fn commit(&mut self, items: Vec<Item>) {
+        let (mut records, mut waiting) = (Vec::new(), Vec::new());
+        records.extend(std::mem::take(&mut self.kept).into_iter().map(|r| (r, Class::Durable)));
+        if self.room.level() < Level::Full {
+            records.extend(self.gap_records().into_iter().map(|r| (r, Class::Durable)));
+        }
+        for item in items {
+            waiting.extend(item.written);
+            records.push((item.record, item.class));
+        }
+        self.shed(&mut records);
+        if records.is_empty() {
+            return self.tell(self.segment.is_some());
+        }
+        let outcome = self.write_somewhere(&mut records);
         match &outcome {
             Ok(()) => {
                 self.progress.commits += 1;
                 self.progress.messages += records.len() as u64;
+                let times = || records.iter().map(|(record, _)| record.log_time);
+                self.start = self.start.into_iter().chain(times()).min();
+                self.end = self.end.into_iter().chain(times()).max();
                 self.progress.error = None;
             }
             Err(error) => {
@@ -107,16 +148,16 @@ impl Writer {
                     self.queue.notice(EventLevel::Critical, text);
                 }
                 self.progress.error = Some(error.to_string());
-                let lost = records.iter().zip(&durable).filter(|(_, d)| !**d);
-                self.queue.drop_all(lost.map(|(record, _)| &record.channel));
-                let mut keep = durable.iter();
-                records.retain(|_| keep.next().is_some_and(|d| *d));
-                let surplus = records.len().saturating_sub(super::DURABLE_MAX);
-                self.queue.drop_all(records[..surplus].iter().map(|record| &record.channel));
-                self.kept = records.split_off(surplus);
+                let lost = records.iter().filter(|(_, class)| *class != Class::Durable);
+                self.queue.drop_all(lost.map(|(record, _)| record), GapReason::DiskError);
+                records.retain(|(_, class)| *class == Class::Durable);
+                let mut kept: Vec<Record> = records.into_iter().map(|(record, _)| record).collect();
+                let surplus = kept.len().saturating_sub(super::DURABLE_MAX);
+                self.queue.drop_all(kept[..surplus].iter(), GapReason::DiskError);
+                self.kept = kept.split_off(surplus);
             }
         }
-        self.tell();
+        self.tell(outcome.is_ok());
         let answer = outcome.map_err(|e| RecorderError::Write(e.to_string()));
         let somebody_waits = !waiting.is_empty();
         for sender in waiting {
@@ -128,170 +169,182 @@ impl Writer {
         }
     }
 
-    /// Writes to the present file, or else to one new file.
-    fn write_somewhere(&mut self, records: &[Record]) -> io::Result<()> {
-        if let Some(segment) = &mut self.segment {
-            let Err(error) = segment.write(records) else { return Ok(()) };
-            let text = format!("log {} ends with an error: {error}; a new one begins", segment.id);
-            tracing::error!("{text}");
-            self.queue.notice(EventLevel::Warning, text);
-            self.segment = None;
+    /// Gives up what there is no room for.
+    fn shed(&self, records: &mut Vec<(Record, Class)>) {
+        let level = self.room.level();
+        let fits = |class: Class| match class {
+            Class::Durable => true,
+            Class::Telemetry => level < Level::Full,
+            Class::Bulk => level < Level::NoBulk,
+        };
+        let lost = records.iter().filter(|(_, class)| !fits(*class));
+        self.queue.drop_all(lost.map(|(record, _)| record), GapReason::DiskFull);
+        records.retain(|(_, class)| fits(*class));
+    }
+
+    /// What the log lacks, as messages for it.
+    fn gap_records(&mut self) -> Vec<Record> {
+        let log_time = self.end.unwrap_or(self.options.start);
+        let mut records = Vec::new();
+        for gap in self.queue.take_gaps() {
+            let Ok(json) = serde_json::to_vec(&gap) else { continue };
+            self.gap_sequence += 1;
+            records.push(Record {
+                channel: channel::LOG_GAP.into(),
+                sequence: self.gap_sequence,
+                log_time,
+                publish_time: gap.to,
+                json: json.into(),
+            });
         }
-        let mut segment = Segment::create(self.storage.as_mut(), &self.options)?;
-        self.progress.segments += 1;
-        segment.write(records)?;
-        self.segment = Some(segment);
-        Ok(())
+        records
+    }
+
+    /// Writes to the present segment, or else to one new one; to a second one where the first
+    /// error was a full disk and the reserve makes room.
+    fn write_somewhere(&mut self, records: &mut Vec<(Record, Class)>) -> io::Result<()> {
+        let mut outcome = self.write_once(records);
+        for _ in 0..2 {
+            let Err(error) = &outcome else { break };
+            if room::is_full(error) {
+                self.exhausted();
+                self.shed(records);
+            }
+            outcome = self.write_once(records);
+        }
+        outcome
+    }
+
+    fn write_once(&mut self, records: &[(Record, Class)]) -> io::Result<()> {
+        if records.is_empty() {
+            return Ok(());
+        }
+        let mut segment = match self.segment.take() {
+            Some(segment) => segment,
+            None => self.new_segment()?,
+        };
+        match segment.write(records.iter().map(|(record, _)| record)) {
+            Ok(()) => {
+                self.segment = Some(segment);
+                Ok(())
+            }
+            Err(error) => {
+                let number = segment.number;
+                let text = format!(
+                    "segment {number} of the log ends with an error: {error}; a new one begins"
+                );
+                tracing::error!("{text}");
+                self.queue.notice(EventLevel::Warning, text);
+                let committed = segment.committed;
+                self.failed.insert(number, committed);
+                self.close(segment, Some(committed));
+                Err(error)
+            }
+        }
+    }
+
+    fn exhausted(&mut self) {
+        if let Some((level, text)) = self.room.exhausted() {
+            self.queue.notice(level, text);
+        }
+    }
+
+    fn new_segment(&mut self) -> io::Result<Segment> {
+        let mut metadata = self.options.metadata.clone();
+        metadata.insert("log".into(), self.log.clone());
+        if !self.failed.is_empty() {
+            let pairs = self.failed.iter().map(|(number, bytes)| format!("{number}:{bytes}"));
+            metadata.insert(COMMITTED_KEY.into(), pairs.collect::<Vec<_>>().join(" "));
+        }
+        loop {
+            let number = self.next_number;
+            match Segment::create(
+                &*self.storage,
+                &self.log,
+                number,
+                &self.options,
+                metadata.clone(),
+            ) {
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => self.next_number += 1,
+                Err(error) => return Err(error),
+                Ok(segment) => {
+                    self.next_number += 1;
+                    self.progress.segments += 1;
+                    return Ok(segment);
+                }
+            }
+        }
+    }
+
+    fn close(&mut self, segment: Segment, limit: Option<u64>) {
+        let (number, bytes) = (segment.number, segment.committed);
+        drop(segment);
+        self.sizes.lock().unwrap_or_else(PoisonError::into_inner).insert(number, bytes);
+        if let Some(sealer) = &mut self.sealer {
+            sealer.take(Job { segment: number, bytes, limit });
+        }
     }
 
     fn finish(mut self) {
         let mut notices = Vec::new();
-        let log_time = self.progress.log.as_ref().and_then(|l| l.end).unwrap_or(self.options.start);
+        let log_time = self.end.unwrap_or(self.options.start);
         for notice in self.queue.take_notices() {
             let Ok(json) = serde_json::to_vec(&notice) else { continue };
-            let channel: Arc<str> = channel::EVENT.into();
-            let record = Record {
-                channel,
-                sequence: 0,
-                log_time,
-                publish_time: log_time,
-                json: json.into(),
-            };
-            notices.push(Item { record, written: None });
+            let (channel, json) = (channel::EVENT.into(), json.into());
+            let record = Record { channel, sequence: 0, log_time, publish_time: log_time, json };
+            notices.push(Item { record, class: Class::Durable, written: None });
         }
-        if !notices.is_empty() {
-            self.commit(notices);
-        }
+        self.commit(notices);
         if let Some(segment) = self.segment.take() {
-            let (info, outcome) = segment.finish();
-            if let Err(error) = outcome {
-                tracing::error!("log {} could not be closed: {error}", info.id);
-                self.progress.error = Some(error.to_string());
-            }
-            self.progress.log = Some(info);
+            self.close(segment, None);
         }
-        self.tell();
+        if let Some(sealer) = self.sealer.take() {
+            sealer.finish();
+        }
+        self.tell(true);
+        if let Some(log) = &mut self.progress.log {
+            log.open = false;
+        }
+        self.queue.set_progress(self.progress.clone());
     }
 
-    fn tell(&mut self) {
-        if let Some(segment) = &self.segment {
-            self.progress.log = Some(segment.info());
+    fn tell(&mut self, written: bool) {
+        if self.room.level() == Level::Full {
+            let why = "the disk is full: commands are logged from a reserve, telemetry is not";
+            let worse = self.progress.error.take().filter(|_| !written);
+            self.progress.error = Some(worse.unwrap_or_else(|| why.into()));
+        } else if written && self.kept.is_empty() {
+            self.progress.error = None;
         }
+        let closed: u64 = self.sizes.lock().unwrap_or_else(PoisonError::into_inner).values().sum();
+        self.progress.log = Some(LogInfo {
+            id: self.log.clone(),
+            size: closed + self.segment.as_ref().map_or(0, |segment| segment.committed),
+            start: self.start,
+            end: self.end,
+            messages: self.progress.messages,
+            open: true,
+        });
         self.queue.set_progress(self.progress.clone());
     }
 }
 
-impl Segment {
-    fn create(storage: &mut dyn Storage, options: &RecorderOptions) -> io::Result<Segment> {
-        let (id, mut file) = create_under_free_name(storage, options.start)?;
-        let size = Arc::<std::sync::atomic::AtomicU64>::default();
-        let out = Counted { inner: file.writer()?, size: size.clone() };
-        let mcap = WriteOptions::new()
-            .profile("")
-            .library(concat!("footfall ", env!("CARGO_PKG_VERSION")))
-            .compression(Some(Compression::Zstd))
-            .compression_level(1)
-            .compression_threads(0)
-            .chunk_size(Some(1024 * 1024))
-            .disable_seeking(true)
-            .create(NoSeek::new(out))
-            .map_err(io_error)?;
-        let (start, end) = (None, None);
-        let channels = HashMap::new();
-        let mut segment = Segment { id, mcap, file, size, channels, start, end, messages: 0 };
-        for schema in &options.schemas {
-            segment.add_channel(&schema.channel, Some((&schema.name, &schema.schema_json)))?;
-        }
-        let metadata = Metadata { name: "footfall".into(), metadata: options.metadata.clone() };
-        segment.mcap.write_metadata(&metadata).map_err(io_error)?;
-        segment.sync()?;
-        Ok(segment)
-    }
-
-    fn add_channel(&mut self, channel: &str, schema: Option<(&str, &str)>) -> io::Result<u16> {
-        let schema_id = match schema {
-            Some((name, text)) => {
-                self.mcap.add_schema(name, "jsonschema", text.as_bytes()).map_err(io_error)?
-            }
-            None => 0,
-        };
-        let id = self
-            .mcap
-            .add_channel(schema_id, channel, "json", &BTreeMap::new())
-            .map_err(io_error)?;
-        self.channels.insert(channel.into(), id);
-        Ok(id)
-    }
-
-    fn write(&mut self, records: &[Record]) -> io::Result<()> {
-        for record in records {
-            let channel_id = match self.channels.get(&record.channel) {
-                Some(&id) => id,
-                None => self.add_channel(&record.channel, None)?,
-            };
-            let header = MessageHeader {
-                channel_id,
-                // The format has 32 bits; at 10 Hz they last for 13 years.
-                sequence: record.sequence as u32,
-                log_time: record.log_time.0,
-                publish_time: record.publish_time.0,
-            };
-            self.mcap.write_to_known_channel(&header, &record.json).map_err(io_error)?;
-        }
-        self.sync()?;
-        let times = || records.iter().map(|record| record.log_time);
-        self.start = self.start.into_iter().chain(times()).min();
-        self.end = self.end.into_iter().chain(times()).max();
-        self.messages += records.len() as u64;
-        Ok(())
-    }
-
-    fn sync(&mut self) -> io::Result<()> {
-        self.mcap.flush().map_err(io_error)?;
-        self.file.sync_data()
-    }
-
-    /// Writes the summary and the end of the file.
-    fn finish(mut self) -> (LogInfo, io::Result<()>) {
-        let finished = self.mcap.finish().map(drop).map_err(io_error);
-        let info = LogInfo { open: false, ..self.info() };
-        let flushed = self.mcap.into_inner().into_inner().flush();
-        (info, finished.and(flushed).and_then(|()| self.file.sync_data()))
-    }
-
-    fn info(&self) -> LogInfo {
-        LogInfo {
-            id: self.id.clone(),
-            size: self.size.load(std::sync::atomic::Ordering::Relaxed),
-            start: self.start,
-            end: self.end,
-            messages: self.messages,
-            open: true,
-        }
-    }
-}
-
-fn create_under_free_name(
-    storage: &mut dyn Storage,
-    start: Timestamp,
-) -> io::Result<(String, Box<dyn LogFile>)> {
+/// A folder for a new log.
+fn make_log(storage: &dyn Storage, start: Timestamp) -> io::Result<String> {
     let time: String = start.to_rfc3339()[..19].chars().filter(|c| !"-:".contains(*c)).collect();
     let name = format!("footfall-{time}Z");
+    // Logs of one file, as earlier versions wrote them.
+    let files = storage.files("").unwrap_or_default();
     for number in 1..=NAMES_MAX {
-        let id = if number == 1 { name.clone() } else { format!("{name}-{number}") };
-        match storage.create(&id) {
+        let log = if number == 1 { name.clone() } else { format!("{name}-{number}") };
+        if files.contains(&format!("{log}.mcap")) {
+            continue;
+        }
+        match storage.make_folder(&log) {
             Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
             Err(error) => return Err(error),
-            Ok(file) => return Ok((id, file)),
+            Ok(()) => return Ok(log),
         }
     }
     Err(io::Error::other(format!("there are {NAMES_MAX} logs named {name} already")))
-}
-
-/// The cause, where the crate only says that there was one.
-fn io_error(error: mcap::McapError) -> io::Error {
-    match error {
-        mcap::McapError::Io(io) => io,
-        other => io::Error::other(other),
-    }
 }

@@ -37,6 +37,22 @@ fn plain_log() -> Vec<u8> {
     bytes.into_inner()
 }
 
+/// A log with a chunk for each of 30 messages.
+fn chunked_log() -> Vec<u8> {
+    let mut bytes = Cursor::new(Vec::new());
+    let mut writer = mcap::WriteOptions::new().create(&mut bytes).unwrap();
+    let channel_id = writer.add_channel(0, "rover/state", "json", &BTreeMap::new()).unwrap();
+    for sequence in 0..30 {
+        let header = MessageHeader { channel_id, sequence, log_time: 1, publish_time: 1 };
+        let text = format!("{{\"n\":{sequence},\"text\":\"{}\"}}", "rover ".repeat(10));
+        writer.write_to_known_channel(&header, text.as_bytes()).unwrap();
+        writer.flush().unwrap();
+    }
+    writer.finish().unwrap();
+    drop(writer);
+    bytes.into_inner()
+}
+
 /// A file of the given records, without an end.
 fn file_of(records: &[(u8, u64, &[u8])]) -> Vec<u8> {
     let mut bytes = mcap::MAGIC.to_vec();
@@ -147,7 +163,7 @@ fn a_flipped_bit_costs_its_chunk_and_is_told() {
     bytes[at + 2] ^= 1;
     assert_eq!(code(&bytes), "log_chunk_damaged", "0.35 is never handed out");
 
-    let sound = sound_log();
+    let sound = chunked_log();
     let all = read(&sound).unwrap().messages;
     let chunks: Vec<usize> =
         sound.windows(4).enumerate().filter(|(_, w)| w == b"zstd").map(|(at, _)| at).collect();

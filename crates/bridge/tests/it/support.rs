@@ -1,14 +1,13 @@
 //! What the tests share: folders, a disk with faults, a scripted rover.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Condvar, Mutex};
+use std::sync::{Arc, Mutex};
 
 use bridge::adapter::RoverAdapter;
 use bridge::commands::StageCommand;
-use bridge::recorder::{LogFile, Record, Storage};
+use bridge::recorder::Record;
 use wire::live::{
     AckStage, CommandBody, Downlink, Executing, JointKnot, PlanCommandRef, RoverMode,
     RoverTelemetry, Uplink,
@@ -63,110 +62,7 @@ pub fn record(channel: &str, sequence: u64, at: Timestamp, json: String) -> Reco
 }
 
 /// Files in memory, with the faults that a test asks for.
-#[derive(Clone, Default)]
-pub struct FaultyDisk(Arc<Disk>);
-
-#[derive(Default)]
-struct Disk {
-    state: Mutex<DiskState>,
-    changed: Condvar,
-}
-
-#[derive(Default)]
-struct DiskState {
-    files: BTreeMap<String, Vec<u8>>,
-    /// Bytes that the disk still takes, over all files; no limit where absent.
-    room: Option<usize>,
-    /// Syncs that still succeed; no limit where absent.
-    syncs: Option<usize>,
-    /// While true, a sync waits.
-    stalled: bool,
-}
-
-impl FaultyDisk {
-    pub fn set_room(&self, bytes: Option<usize>) {
-        self.0.state.lock().unwrap().room = bytes;
-    }
-
-    pub fn set_syncs(&self, syncs: Option<usize>) {
-        self.0.state.lock().unwrap().syncs = syncs;
-    }
-
-    /// Syncs wait until the guard is dropped.
-    pub fn stall(&self) -> Stall {
-        self.0.state.lock().unwrap().stalled = true;
-        Stall(self.clone())
-    }
-
-    pub fn files(&self) -> BTreeMap<String, Vec<u8>> {
-        self.0.state.lock().unwrap().files.clone()
-    }
-}
-
-pub struct Stall(FaultyDisk);
-
-impl Drop for Stall {
-    fn drop(&mut self) {
-        self.0.0.state.lock().unwrap().stalled = false;
-        self.0.0.changed.notify_all();
-    }
-}
-
-impl Storage for FaultyDisk {
-    fn create(&mut self, id: &str) -> io::Result<Box<dyn LogFile>> {
-        let mut state = self.0.state.lock().unwrap();
-        if state.files.contains_key(id) {
-            return Err(io::ErrorKind::AlreadyExists.into());
-        }
-        state.files.insert(id.into(), Vec::new());
-        Ok(Box::new(FaultyFile { disk: self.clone(), id: id.into() }))
-    }
-}
-
-struct FaultyFile {
-    disk: FaultyDisk,
-    id: String,
-}
-
-impl LogFile for FaultyFile {
-    fn writer(&mut self) -> io::Result<Box<dyn Write + Send>> {
-        Ok(Box::new(FaultyFile { disk: self.disk.clone(), id: self.id.clone() }))
-    }
-
-    fn sync_data(&mut self) -> io::Result<()> {
-        let state = self.disk.0.state.lock().unwrap();
-        let mut state = self.disk.0.changed.wait_while(state, |s| s.stalled).unwrap();
-        match &mut state.syncs {
-            Some(0) => Err(io::Error::other("sync failed")),
-            Some(left) => {
-                *left -= 1;
-                Ok(())
-            }
-            None => Ok(()),
-        }
-    }
-}
-
-impl Write for FaultyFile {
-    fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
-        let mut state = self.disk.0.state.lock().unwrap();
-        let taken = match &mut state.room {
-            Some(0) if !buf.is_empty() => return Err(io::ErrorKind::StorageFull.into()),
-            Some(room) => {
-                let taken = buf.len().min(*room);
-                *room -= taken;
-                taken
-            }
-            None => buf.len(),
-        };
-        state.files.get_mut(&self.id).unwrap().extend_from_slice(&buf[..taken]);
-        Ok(taken)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
+pub type FaultyDisk = crate::sim_fs::SimFs;
 
 pub fn frame(mode: RoverMode, executing: Option<Executing>) -> RoverTelemetry {
     let base = Pose { position_m: [0.0, 0.0, 1.968], orientation_xyzw: [0.0, 0.0, 0.0, 1.0] };

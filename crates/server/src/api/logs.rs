@@ -91,7 +91,7 @@ async fn start_replay(
         return Err(ReplayError::BadRate { rate: request.rate }.into());
     }
     let folder = app.config.server.logs_dir.clone();
-    catalog::log_path(&folder, &request.log)?;
+    catalog::log_files(&folder, &request.log)?;
     let id = uuid::Uuid::now_v7().to_string();
     let opening = Opening { folder, request, id };
     let stop = Stop::after(Some(OPEN_DEADLINE_S))?;

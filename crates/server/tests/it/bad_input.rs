@@ -189,6 +189,11 @@ fn cases() -> Vec<(&'static str, String, &'static str, &'static str)> {
         ("replays", "{\"log\":\"../x\",\"rate\":1}".into(), "log_unknown", ""),
         ("replays", "{\"log\":\"x\",\"rate\":0}".into(), "rate_invalid", ""),
         ("replays", "{\"log\":\"x\",\"from\":\"yesterday\"}".into(), "wrong_type", "from"),
+        ("logs/none/clips", "{}".into(), "log_unknown", ""),
+        ("logs/none/clips", "{\"from\":1}".into(), "wrong_type", "from"),
+        ("logs/none/clips", "{\"until\":1}".into(), "unknown_field", "until"),
+        ("logs/none/bookmarks", "{\"at\":\"2026-01-01T00:00:00Z\",\"text\":\"x\"}".into(), "log_unknown", ""),
+        ("logs/none/bookmarks", "{\"text\":\"x\"}".into(), "missing_field", ""),
     ]
 }
 

@@ -160,6 +160,80 @@ fn a_log_is_described_and_its_damage_told() {
 }
 
 #[test]
+fn logs_are_verified_recovered_and_clipped() {
+    use bridge::recorder::{Record, Recorder, RecorderOptions};
+    use wire::time::Timestamp;
+    let dir = TempDir::new();
+    let start = Timestamp(1_000_000_000_000_000_000);
+    let options = RecorderOptions { start, reserve_bytes: 0, ..RecorderOptions::default() };
+    let mut recorder = Recorder::start(dir.path(), options).unwrap();
+    for sequence in 0..200_u64 {
+        let time = start.plus_seconds(sequence as f64);
+        let channel = if sequence % 2 == 0 { "rover/state" } else { "event" };
+        let json = format!("{{\"n\":{sequence}}}").into();
+        let record =
+            Record { channel: channel.into(), sequence, log_time: time, publish_time: time, json };
+        recorder.record_durable(record).unwrap().wait_blocking().unwrap();
+    }
+    let open =
+        std::fs::read(bridge::catalog::log_path(dir.path(), &recorder.status().log.id).unwrap());
+    let log = recorder.finish().unwrap().log.id;
+    let path = |name: &str| dir.path().join(name).to_str().unwrap().to_owned();
+    let run = |arguments: &[&str]| {
+        let run = footfall(&[&["log"], arguments, &["--json"]].concat(), "");
+        let value = serde_json::from_str::<Value>(&run.output).unwrap_or_default();
+        (run.status, value)
+    };
+
+    let (status, found) = run(&["verify", &path("")]);
+    assert_eq!((status, &found["sound"], &found["problems"]), (0, &json!(1), &json!([])));
+    let (status, found) = run(&["info", &path(&log)]);
+    assert_eq!((status, &found["messages"], &found["id"]), (0, &json!(200), &json!(log)));
+    let sealed = path(&format!("{log}/seg-000001.mcap"));
+    let (status, found) = run(&["verify", &sealed]);
+    assert_eq!((status, &found["findings"], &found["messages"]), (0, &json!([]), &json!(200)));
+
+    // A file as a crash leaves it: whole chunks, then half of one.
+    let open = open.unwrap();
+    std::fs::write(path("torn.mcap"), &open[..open.len() - 20]).unwrap();
+    let (status, found) = run(&["recover", &path("torn.mcap"), "--out", &path("whole.mcap")]);
+    assert_eq!((status, &found["damage"][0]["code"]), (3, &json!("log_torn")));
+    let messages = found["messages"].as_u64().unwrap();
+    assert!((190..=200).contains(&messages), "{messages}");
+    let (status, found) = run(&["verify", &path("whole.mcap")]);
+    assert_eq!((status, &found["messages"]), (0, &json!(messages)));
+    let (status, _) = run(&["recover", &sealed, "--out", &path("same.mcap")]);
+    assert_eq!(status, 0);
+    let (status, _) = run(&["recover", &sealed, "--out", &path("same.mcap")]);
+    assert_eq!(status, 2, "what is there is not written over");
+    std::fs::write(path("no.mcap"), b"not a log").unwrap();
+    let (status, _) = run(&["recover", &path("no.mcap"), "--out", &path("none.mcap")]);
+    assert_eq!(status, 1);
+    assert_eq!(run(&["recover", &path("absent.mcap"), "--out", &path("none2.mcap")]).0, 2);
+
+    let (from, to) = ("2001-09-09T01:46:50Z", "2001-09-09T01:46:59Z");
+    let clip = path("clip.mcap");
+    let out = ["--out", clip.as_str()];
+    let part = ["clip", &path(&log), "--from", from, "--to", to, "--channel", "rover/state"];
+    let (status, found) = run(&[&part[..], &out[..]].concat());
+    assert_eq!(
+        (status, &found["messages"], &found["channels"]),
+        (0, &json!(5), &json!({ "rover/state": 5 }))
+    );
+    assert_eq!(run(&["verify", &clip]).0, 0);
+    assert_eq!(run(&["clip", &path(&log), "--from", "soon", "--out", &path("x.mcap")]).0, 2);
+    let late = ["clip", &path(&log), "--from", "2030-01-01T00:00:00Z", "--out", &path("y.mcap")];
+    assert_eq!(run(&late).0, 1);
+
+    let mut changed = std::fs::read(&sealed).unwrap();
+    let middle = changed.len() / 2;
+    changed[middle] ^= 1;
+    std::fs::write(&sealed, changed).unwrap();
+    let (status, found) = run(&["verify", &path("")]);
+    assert_eq!((status, found["problems"].as_array().unwrap().is_empty()), (1, false));
+}
+
+#[test]
 fn planners_are_compared_and_the_document_has_its_plots() {
     let dir = TempDir::new();
     let out = dir.path().join("figures.md");

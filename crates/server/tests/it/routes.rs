@@ -2,7 +2,7 @@
 
 use axum::body::Body;
 use axum::http::Request;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::support::Ground;
 
@@ -174,6 +174,33 @@ async fn a_log_is_listed_downloaded_and_replayed() {
     let download = ground.get(&format!("/api/v1/logs/{id}/download")).await;
     assert_eq!(&download.bytes[1..5], b"MCAP");
     assert_eq!(download.headers["content-type"], "application/x-mcap");
+    // A bookmark, and a clip that takes it along.
+    let start = ground.get(&format!("/api/v1/logs/{id}")).await.json()["start"].clone();
+    let mark = json!({ "at": start, "text": "here it begins" });
+    let marked = ground.post(&format!("logs/{id}/bookmarks"), &mark).await;
+    assert_eq!(marked.status, 201, "{}", marked.json());
+    let listed = ground.get(&format!("/api/v1/logs/{id}/bookmarks")).await.json();
+    assert_eq!(listed["bookmarks"], json!([marked.json()]));
+    let clip =
+        ground.post(&format!("logs/{id}/clips"), &json!({ "channels": ["rover/state"] })).await;
+    assert_eq!(clip.status, 201, "{}", clip.json());
+    let clip = clip.json()["id"].as_str().unwrap().to_owned();
+    let bytes = ground.get(&format!("/api/v1/logs/{clip}/download")).await.bytes;
+    let mut attached = Vec::new();
+    let damage = bridge::reader::scan_items(&*bytes, bridge::reader::Limits::default(), |item| {
+        match item {
+            bridge::reader::Item::Message(_, m) => assert_eq!(&*m.channel, "rover/state"),
+            bridge::reader::Item::Attachment { name, data, .. } => attached.push((name, data)),
+            _ => {}
+        }
+        true
+    });
+    assert_eq!(damage.unwrap(), []);
+    let (_, marks) = attached.iter().find(|(name, _)| name == "footfall.bookmarks").unwrap();
+    assert_eq!(serde_json::from_slice::<Value>(marks).unwrap(), listed);
+    let gone = format!("/api/v1/logs/{id}/bookmarks/{}", marked.json()["id"].as_str().unwrap());
+    assert_eq!(ground.call("DELETE", &gone, None).await.status, 204);
+    assert_eq!(ground.call("DELETE", &gone, None).await.code(), "bookmark_unknown");
     let replay = ground.post("replays", &json!({ "log": id, "rate": 2.0 })).await;
     assert_eq!(replay.status, 201, "{}", replay.json());
     let path = format!("/api/v1/replays/{}", replay.json()["id"].as_str().unwrap());
@@ -181,6 +208,9 @@ async fn a_log_is_listed_downloaded_and_replayed() {
     let change = json!({ "at": end, "paused": true });
     let changed = ground.call("PATCH", &path, Some(&change)).await.json();
     assert_eq!((&changed["at"], &changed["paused"]), (&end, &json!(true)));
+    let back = json!({ "at": start, "paused": true, "step": true });
+    let stepped = ground.call("PATCH", &path, Some(&back)).await;
+    assert_eq!((stepped.status.as_u16(), &stepped.json()["paused"]), (200, &json!(true)));
     let bad = ground.call("PATCH", &path, Some(&json!({ "rate": 0.0 }))).await;
     assert_eq!(bad.code(), "rate_invalid");
     assert_eq!(ground.call("DELETE", &path, None).await.status, 204);
