@@ -7,7 +7,8 @@ use std::process::{Command, Stdio};
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use bridge::reader::{Limits, read_file};
+use bridge::catalog;
+use bridge::reader::Limits;
 use prost::Message as _;
 use serde_json::{Value, json};
 use testkit::note_skipped;
@@ -82,9 +83,9 @@ fn lines_of(file: &Path) -> Heard {
     heard
 }
 
-/// What the log at `path` holds of each topic, as a viewer would hear it.
-fn logged(path: &Path) -> Heard {
-    let log = read_file(path, Limits::default()).unwrap();
+/// What a log of the folder holds of each topic, as a viewer would hear it.
+fn logged(logs: &Path, id: &str) -> Heard {
+    let log = catalog::read_log(logs, id, Limits::default()).unwrap();
     let mut logged = Heard::new();
     for message in log.messages {
         let content = String::from_utf8(message.data.to_vec()).unwrap();
@@ -124,8 +125,7 @@ async fn ten_thousand_messages_reach_the_stock_client_as_they_stand_in_the_log()
         heard_by_the_stock_client(&ground, &of_replay, "foxglove.websocket.v1", 1000, 1.0).await;
 
     let dir = ground.finish().await;
-    let path = dir.path().join("logs").join(format!("{}.mcap", log.as_str().unwrap()));
-    let logged = logged(&path);
+    let logged = logged(&dir.path().join("logs"), log.as_str().unwrap());
     assert_runs(&heard, &logged);
     assert_runs(&replayed, &logged);
     assert_drawn(&heard);
