@@ -60,11 +60,8 @@ async fn the_map_that_two_pairs_see_is_the_ground_without_the_robot() {
         }
     }
     let rms = (squares / n as f64).sqrt();
-    println!(
-        "{n} cells, rms {rms:.4} m, {n_off} off by 20 cm; {n_below} below the robot, raised by {raised:.3} m\n{answer}"
-    );
     assert!(n > 4000, "{n}");
-    assert!(rms < 0.05, "{rms}");
+    assert!(rms < 0.05 && n_off * 200 < n, "rms {rms} m, {n_off} of {n} off by 20 cm");
     assert!(n_below > 50 && raised < 0.10, "{n_below} {raised}");
     for pair in answer["pairs"].as_array().unwrap() {
         assert!(pair["terrain_points"].as_u64().unwrap() > 1000, "{pair}");
@@ -74,6 +71,44 @@ async fn the_map_that_two_pairs_see_is_the_ground_without_the_robot() {
     let new_cells = answer["new_cells"].as_u64().unwrap() as usize;
     assert!(new_cells >= n, "{new_cells} {n}");
 
+    // A cell tells who saw it, and when.
+    let cell = |version: Value, [x, y]: [f64; 2]| {
+        let version = version.as_str().unwrap().to_owned();
+        format!("/api/v1/terrain/{version}/cell?x_m={x}&y_m={y}")
+    };
+    let known = (0..grid.len()).filter(|i| !seen.heights().values()[*i].is_nan());
+    let places: Vec<_> = known.map(|i| grid.position(i % grid.nx, i / grid.nx)).collect();
+    let inside: Vec<_> = places.iter().filter(|p| seen.height_at(**p).is_some()).collect();
+    for p in inside.iter().step_by(inside.len() / 20) {
+        let told = ground.get(&cell(version.clone(), [p.x, p.y])).await.json();
+        let camera = told["seen"]["camera"].as_str().unwrap();
+        assert!(["haz1", "nav1"].contains(&camera), "{told}");
+        assert_eq!(told["seen"]["capture_time"], answer["capture_time"]);
+        assert!(told["seen"]["prior"] == false && told["seen"]["hidden"] == false, "{told}");
+        assert!((0.0..0.1).contains(&told["seen"]["sigma_m"].as_f64().unwrap()), "{told}");
+    }
+
+    // Seen again, the map is fitted to what is known and no worse.
+    let wish_again = json!({ "cameras": ["haz1", "nav1"], "seed": 9, "keep_prior": false });
+    let again = reconstruct(&ground, &wish_again).await;
+    assert_ne!(again["terrain_version"], version);
+    assert!(again["pairs"].as_array().unwrap().iter().all(|pair| pair["fit_refused"] == false));
+    let blended = map_of(&ground, &again["terrain_version"]);
+    let (mut n_both, mut before, mut after) = (0.0, 0.0, 0.0);
+    for p in &places {
+        let nearest = |map: &ElevationMap| map.heights().nearest(*p).filter(|z| !z.is_nan());
+        let (Some(a), Some(b)) = (nearest(&seen), nearest(&blended)) else { continue };
+        let Some(expected) = truth.height_at(*p) else { continue };
+        n_both += 1.0;
+        before += (f64::from(a) - expected).powi(2);
+        after += (f64::from(b) - expected).powi(2);
+    }
+    let [before, after] = [before, after].map(|sum: f64| (sum / n_both).sqrt());
+    assert!(n_both > 0.9 * places.len() as f64 && after < 1.05 * before, "{before} {after}");
+    let other_cells = json!({ "cameras": ["haz1"], "resolution_m": 0.1 });
+    let refused = ground.post("terrain/reconstructions", &other_cells).await;
+    assert_eq!(refused.json()["error"]["details"]["field"], "resolution_m");
+
     // The same in another session is the same map, byte for byte; another seed is another one.
     let other = Ground::start().await;
     assert_eq!(reconstruct(&other, &wish).await["terrain_version"], version);
@@ -81,7 +116,10 @@ async fn the_map_that_two_pairs_see_is_the_ground_without_the_robot() {
     let seeded = reconstruct(&other, &seeded).await;
     assert_ne!(seeded["terrain_version"], version);
 
-    // With the map from before, whatever is not seen is as it was.
+    // With the map from before, whatever is not seen is as it was, and told to be from there.
+    let corner = truth.grid().origin;
+    let told = other.get(&cell(seeded["terrain_version"].clone(), [corner.x, corner.y])).await;
+    assert_eq!(told.json()["seen"]["prior"], true, "{}", told.json());
     let kept = map_of(&other, &seeded["terrain_version"]);
     assert_eq!(kept.grid(), truth.grid());
     let known = |map: &ElevationMap| map.heights().values().iter().filter(|z| !z.is_nan()).count();
