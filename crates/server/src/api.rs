@@ -8,6 +8,7 @@ mod jobs;
 mod log_notes;
 mod logs;
 mod plans;
+mod reconstruction;
 mod rover;
 mod terrain;
 mod uploads;
@@ -72,6 +73,7 @@ fn described() -> OpenApiRouter<AppState> {
     let short = OpenApiRouter::new()
         .merge(rover::routes())
         .merge(terrain::routes())
+        .merge(reconstruction::routes())
         .merge(plans::routes())
         .merge(commands::routes())
         .merge(authority::routes())

@@ -13,6 +13,7 @@ use crate::jobs::Jobs;
 use crate::live::Live;
 use crate::live_reach::LiveReach;
 use crate::plans::{Plans, Postures};
+use crate::reconstruction::Reconstructions;
 use crate::replays::Replays;
 use crate::robots::Robots;
 use crate::scene::Context;
@@ -34,6 +35,8 @@ pub struct App {
     pub terrains: Arc<Terrains>,
     /// The versions of the map.
     pub store: Arc<TerrainStore>,
+    /// Maps made of what its cameras see.
+    pub reconstructions: Reconstructions,
     /// The live rover.
     pub live: Live,
     /// Where its legs can stand.

@@ -32,6 +32,7 @@ pub const CODES: &[(&str, u16, &str)] = &[
     ("link_unknown", 422, "a link that the robot does not have"),
     ("robot_unknown", 422, "a robot whose folder is not there"),
     ("robot_invalid", 422, "a robot folder that cannot be used"),
+    ("camera_unknown", 422, "a stereo pair that the robot does not have"),
     ("payload_invalid", 422, "a payload with a mass, place or size that cannot be"),
     ("obstacle_invalid", 422, "an obstacle that is no closed solid"),
     ("contacts_invalid", 422, "contacts of which no region can be computed"),
@@ -62,6 +63,7 @@ pub const CODES: &[(&str, u16, &str)] = &[
     ("terrain_unknown", 404, "a version of the map that is not kept"),
     ("tile_unknown", 404, "no such tile or layer"),
     ("job_unknown", 404, "no such job"),
+    ("reconstruction_unknown", 404, "no such reconstruction, or not one that has ended"),
     ("job_ended", 409, "a job that has ended already"),
     ("plan_unknown", 404, "no such plan"),
     ("posture_unknown", 404, "no such answer of the posture adviser"),
@@ -105,6 +107,7 @@ pub const CODES: &[(&str, u16, &str)] = &[
     ("token_unknown", 409, "not the token of the first step of the release"),
     ("token_expired", 409, "the token's time is over"),
     ("rover_busy", 409, "the rover is not idle"),
+    ("nothing_seen", 409, "the stereo pairs see no ground"),
     ("no_place", 409, "the rover cannot be seated there"),
     // bounds and faults
     ("busy", 429, "too many analyses, jobs, replays or listeners at once; try again"),

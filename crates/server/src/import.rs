@@ -91,6 +91,7 @@ fn import(
         let text = format!("the map has no traversability: {error}");
         ground.notice(now, EventLevel::Caution, "server", &text);
     }
+    app.reconstructions.stand_on(version.map.clone());
     app.store.put(version);
     ground.publish(now, channel::TERRAIN, &notice);
     ground.notice(now, EventLevel::Info, who, &text);

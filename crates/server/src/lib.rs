@@ -20,6 +20,7 @@ pub mod jobs;
 pub mod live;
 pub mod live_reach;
 pub mod plans;
+pub mod reconstruction;
 pub mod replays;
 pub mod robots;
 pub mod scene;

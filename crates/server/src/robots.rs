@@ -64,6 +64,12 @@ impl Robots {
         file.and_then(|file| self.text(name, &file)).ok_or_else(|| self.unknown(at, name))
     }
 
+    /// The `robot.toml` of a robot, as it stands in its folder.
+    pub fn toml(&self, at: &At<'_>, name: &str) -> Result<String, RequestError> {
+        self.load(at, name)?;
+        self.text(name, "robot.toml").ok_or_else(|| self.unknown(at, name))
+    }
+
     /// Names of all robots, sorted.
     pub fn names(&self) -> Vec<String> {
         let mut names: Vec<String> = BuiltIn::iter()

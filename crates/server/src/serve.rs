@@ -33,6 +33,7 @@ use crate::jobs::Jobs;
 use crate::live::{Live, LiveParts, derive_for, hash_text};
 use crate::live_reach::{self, LiveReach};
 use crate::plans::{Plans, Postures};
+use crate::reconstruction::Reconstructions;
 use crate::replays::Replays;
 use crate::robots::Robots;
 use crate::scene::Context;
@@ -184,6 +185,7 @@ impl Server {
             terrains,
             store,
             live,
+            reconstructions: Reconstructions::new(map),
             reach: LiveReach::default(),
             jobs,
             closing: closed,

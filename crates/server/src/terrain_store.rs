@@ -1,14 +1,16 @@
 //! The versions of the server's own map. A version never changes; its name is its content's hash.
 
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use geometry::Raster;
 use nalgebra::Point2;
 use terrain::formats::mesh::{self, HeightMesh};
+use terrain::fusion::{self, Flags, MapVersion};
 use terrain::traversability::{self, Layers, Limits};
 use terrain::{ElevationMap, SourceKind, TerrainError};
 use wire::check::{At, RequestError};
-use wire::resources::{CellAnswer, CellComponent, TerrainVersion, TerrainVersions};
+use wire::resources::{CellAnswer, CellComponent, CellSeen, TerrainVersion, TerrainVersions};
 use wire::tile::{Format, Header, TILE_CELLS};
 use wire::time::Timestamp;
 
@@ -17,6 +19,14 @@ use crate::terrains::{SERVED_NODES_MAX, terrain_error};
 /// The layers that tiles are made of: the heights, and those of traversability.
 pub const LAYERS: [&str; 7] =
     ["height", "slope", "roughness", "step", "goodness", "certainty", "class"];
+
+/// Where the heights of a version come from: the blended map that it was read from.
+pub struct SeenBy {
+    /// The blended map.
+    pub map: Arc<MapVersion>,
+    /// Names of the pairs by the numbers of their maps.
+    pub pairs: BTreeMap<u32, String>,
+}
 
 /// A version of the map with what is computed from it.
 pub struct Version {
@@ -27,6 +37,7 @@ pub struct Version {
     footprint_m: f64,
     limits: Limits,
     layers: Result<Layers, TerrainError>,
+    seen: Option<SeenBy>,
 }
 
 /// The versions that are kept.
@@ -60,6 +71,12 @@ impl TerrainStore {
     /// Judges a map, to be put in use.
     pub fn prepare(&self, map: ElevationMap, now: Timestamp) -> Arc<Version> {
         Arc::new(Version::new(map, now, self.footprint_m, self.limits))
+    }
+
+    /// Judges a map that cameras saw, to be put in use.
+    pub fn prepare_seen(&self, map: ElevationMap, now: Timestamp, seen: SeenBy) -> Arc<Version> {
+        let version = Version::new(map, now, self.footprint_m, self.limits);
+        Arc::new(Version { seen: Some(seen), ..version })
     }
 
     /// Makes a version the one in use.
@@ -155,7 +172,7 @@ impl Version {
                 .map(|name| (*name).to_owned())
                 .collect(),
         };
-        Version { info, map, footprint_m, limits, layers }
+        Version { info, map, footprint_m, limits, layers, seen: None }
     }
 
     /// Traversability of the whole map, or why there is none.
@@ -264,8 +281,24 @@ impl Version {
             certainty: cell.as_ref().map(|c| c.certainty),
             class: cell.as_ref().map_or(traversability::UNKNOWN, |c| c.class),
             known_share: cell.as_ref().map(|c| c.known_share),
+            seen: height_m.and_then(|_| self.seen(p)),
             components: cell.iter().flat_map(|c| c.components()).map(component).collect(),
         }
+    }
+
+    /// Which pair saw the node at a place, and when; none where no pair and no map from before tells.
+    fn seen(&self, p: Point2<f64>) -> Option<CellSeen> {
+        let seen = self.seen.as_ref()?;
+        let cell = seen.map.cell_at(p).filter(fusion::Cell::is_ground)?;
+        let is_prior = cell.flags.any(Flags::PRIOR);
+        Some(CellSeen {
+            camera: seen.pairs.get(&cell.source).filter(|_| !is_prior).cloned(),
+            capture_time: Timestamp(u64::try_from(cell.time_ns).unwrap_or(0)),
+            sigma_m: f64::from(cell.variance_m2).sqrt(),
+            observations: cell.count,
+            prior: is_prior,
+            hidden: cell.flags.any(Flags::MASKED),
+        })
     }
 
     /// The map as a file: GeoTIFF of the heights and, where they lie on the same grid, the layers of

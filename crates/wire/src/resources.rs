@@ -514,6 +514,23 @@ pub enum StreamFrame {
     },
 }
 
+/// How the height of a node is known, on maps that were made of what cameras see.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct CellSeen {
+    /// The stereo pair that saw it last; none where it comes from the map from before.
+    pub camera: Option<String>,
+    /// When that was, on board.
+    pub capture_time: Timestamp,
+    /// Standard deviation of the height at that time (m).
+    pub sigma_m: f64,
+    /// Observations that went into the height.
+    pub observations: u16,
+    /// True if no pair saw it yet: it is as in the map from before.
+    pub prior: bool,
+    /// True if the robot hides it now: the height is the last one known.
+    pub hidden: bool,
+}
+
 /// Everything known of a cell: `GET /terrain/{version}/cell`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct CellAnswer {
@@ -540,6 +557,9 @@ pub struct CellAnswer {
     /// Slope, roughness and step with the thresholds they were held against; the least goodness
     /// decides.
     pub components: Vec<CellComponent>,
+    /// Which pair saw it, and when; none on maps that no camera made.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seen: Option<CellSeen>,
 }
 
 /// One of the values that goodness is the least ramp of.

@@ -12,6 +12,7 @@ mod foxglove;
 mod job;
 mod posture;
 mod real_terrain;
+mod reconstruction;
 mod routes;
 mod soak;
 mod stability;

@@ -126,6 +126,11 @@ impl Ground {
         ground
     }
 
+    /// What its routes share.
+    pub fn app(&self) -> &server::app::AppState {
+        &self.server.as_ref().unwrap().app
+    }
+
     /// Ends the session; gives the folder of its log.
     pub async fn finish(mut self) -> TempDir {
         self.server.take().unwrap().finish().await;

@@ -1,0 +1,428 @@
+//! From stereo pairs of the live rover to a new version of the map, as a job.
+//!
+//! The simulated rover has no cameras in its link yet: the server draws the images itself, of the ground
+//! that the rover stands on and the posture last reported ([`PairImages::simulated`]). They do not
+//! pass the link, take none of its time, and are not logged; `downlink_s` of `GET /rover/cameras` tells what
+//! they would take. All that follows needs the value [`PairImages`] only, so images that came down may take
+//! their place.
+//!
+//! Matching, self-mask and rasterizing ([`pair`]) give a map of each pair; these are blended into one
+//! [`Mapper`] that lasts until another ground is imported. A reconstruction that fails or is cancelled
+//! leaves it as it was.
+//!
+//! One runs at a time, on two threads. At half size (512 x 384 px) a pair takes about 1.3 s, at full size
+//! 3 to 7 s (two cores, shared), three quarters of it for drawing; both are asked to stop once a row. Memory is
+//! that of two images, their points (about 150 bytes each) and the blended map.
+
+mod pair;
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use geometry::{Grid, Raster};
+use nalgebra::Point2;
+use rover::{Posture, Robot};
+use stereo::StereoError;
+use stereo::rig::{CameraPair, Rig};
+use terrain::fusion::{AlignSettings, Input, MapSettings, MapVersion, Mapper, PairDem, ReadPolicy};
+use terrain::{ElevationMap, Source, SourceKind};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use wire::check::{self, At, RequestError};
+use wire::live::{EventLevel, JobReport, TerrainNotice, channel};
+use wire::reconstruction::{
+    CAMERAS_MAX, RESOLUTION_M, ReconstructionAnswer, ReconstructionRequest, SCALE,
+};
+use wire::time::Timestamp;
+
+use crate::app::AppState;
+use crate::error::ApiError;
+use crate::jobs::JobHandle;
+use crate::stop::Stop;
+use crate::terrain_store::{SeenBy, source_text};
+use crate::terrains::terrain_error;
+
+pub use pair::PairImages;
+
+/// Time allowed for a reconstruction (s).
+const DEADLINE_S: f64 = 600.0;
+/// Distance of nodes where the request names none (m).
+const RESOLUTION_DEFAULT_M: f64 = 0.05;
+/// Size of images where the request names none.
+const SCALE_DEFAULT: f64 = 0.5;
+/// Most pairs that one blended map is made of: bounds its memory.
+const PAIRS_MAX: usize = 128;
+/// Most nodes of the map from before: bounds the memory of the blended one.
+const PRIOR_NODES_MAX: f64 = 4e6;
+/// Standard deviation of heights of the map from before (m).
+const PRIOR_SIGMA_M: f64 = 0.1;
+/// Outcomes that can still be asked for.
+const ANSWERS_MAX: usize = 64;
+
+/// What lasts between reconstructions.
+pub struct Reconstructions {
+    place: Arc<Semaphore>,
+    kept: Mutex<Kept>,
+}
+
+struct Kept {
+    /// The ground that the simulated rover stands on.
+    ground: ElevationMap,
+    /// Counts the grounds.
+    n_grounds: u64,
+    /// Counts the reconstructions begun: seeds that nobody chose.
+    n_begun: u64,
+    blended: Option<Blended>,
+    answers: VecDeque<ReconstructionAnswer>,
+}
+
+/// The map that pairs are blended into.
+#[derive(Clone)]
+struct Blended {
+    mapper: Mapper,
+    has_prior: bool,
+    next_source: u32,
+    /// Names of the pairs by the numbers of their maps.
+    names: BTreeMap<u32, String>,
+}
+
+impl Reconstructions {
+    /// With the ground that the simulated rover stands on.
+    pub fn new(ground: ElevationMap) -> Reconstructions {
+        let (blended, answers) = (None, VecDeque::new());
+        let kept = Kept { ground, n_grounds: 0, n_begun: 0, blended, answers };
+        Reconstructions { place: Arc::new(Semaphore::new(1)), kept: Mutex::new(kept) }
+    }
+
+    /// The simulated rover stands on another ground: what was seen of the last one no longer counts.
+    pub fn stand_on(&self, ground: ElevationMap) {
+        let mut kept = self.locked();
+        (kept.ground, kept.blended) = (ground, None);
+        kept.n_grounds += 1;
+    }
+
+    /// The outcome of a reconstruction.
+    pub fn answer(&self, id: &str) -> Result<ReconstructionAnswer, ApiError> {
+        let kept = self.locked();
+        kept.answers.iter().find(|answer| answer.id == id).cloned().ok_or_else(|| {
+            let message = "there is no such reconstruction, or it has not ended, or long ago";
+            ApiError::new("reconstruction_unknown", message)
+        })
+    }
+
+    fn locked(&self) -> MutexGuard<'_, Kept> {
+        self.kept.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// The stereo pairs of the live rover.
+pub async fn rig(app: &AppState) -> Result<Rig, ApiError> {
+    let app = app.clone();
+    let read = move || {
+        let (at, name) = (At::root("robot"), &app.config.rover.robot);
+        let toml = app.robots.toml(&at, name)?;
+        Rig::from_toml(&toml, app.live.robot()).map_err(|error| {
+            RequestError::at(
+                "robot_invalid",
+                &at,
+                format_args!("{name:?} has a rig in which {error}"),
+            )
+        })
+    };
+    let rig = tokio::task::spawn_blocking(read).await;
+    Ok(rig.map_err(|error| ApiError::internal("reading the rig", error))??)
+}
+
+/// The pairs that a request names, each once.
+pub fn chosen(rig: &Rig, names: &[String]) -> Result<Vec<CameraPair>, RequestError> {
+    let at = At::root("cameras");
+    check::not_empty(&at, names.len())?;
+    check::at_most(&at, names.len(), CAMERAS_MAX)?;
+    let mut pairs: Vec<CameraPair> = Vec::new();
+    for (i, name) in names.iter().enumerate() {
+        let Some(pair) = rig.pair(name) else {
+            let name: String = name.chars().take(64).collect();
+            let known: Vec<&str> = rig.pairs().iter().map(|pair| pair.name.as_str()).collect();
+            let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+            let text = format_args!("names the pair {name:?}; the robot has {known}");
+            return Err(RequestError::at("camera_unknown", &at.index(i), text));
+        };
+        if pairs.iter().all(|other| other.name != pair.name) {
+            pairs.push(pair.clone());
+        }
+    }
+    Ok(pairs)
+}
+
+/// A reconstruction, checked.
+struct Work {
+    pairs: Vec<CameraPair>,
+    robot: Arc<Robot>,
+    posture: Posture,
+    capture_time: Timestamp,
+    ground: ElevationMap,
+    n_grounds: u64,
+    resolution_m: f64,
+    scale: f64,
+    seed: u64,
+    keep_prior: bool,
+    blended: Blended,
+}
+
+/// Begins a reconstruction.
+pub async fn start(
+    app: AppState,
+    who: String,
+    request: ReconstructionRequest,
+) -> Result<JobReport, ApiError> {
+    let pairs = chosen(&rig(&app).await?, &request.cameras)?;
+    let resolution_m = request.resolution_m.unwrap_or(RESOLUTION_DEFAULT_M);
+    check::within(&At::root("resolution_m"), resolution_m, RESOLUTION_M, " m")?;
+    let scale =
+        check::within(&At::root("scale"), request.scale.unwrap_or(SCALE_DEFAULT), SCALE, "")?;
+    let busy = || ApiError::new("busy", "another reconstruction is under way; wait or cancel it");
+    let place = app.reconstructions.place.clone().try_acquire_owned().map_err(|_| busy())?;
+    let latest = app.live.latest()?;
+    let robot = app.live.robot().clone();
+    let state = &latest.frame.state;
+    let configuration = wire::convert::configuration(&At::root("state"), &robot, state)?;
+    let posture = Posture::new(&robot, &configuration);
+    // Taken before the job begins: beginning one locks the link's ground, which comes first elsewhere.
+    let work = {
+        let mut kept = app.reconstructions.locked();
+        let blended = begin(&kept, &request, resolution_m, pairs.len())?;
+        let seed = request.seed.unwrap_or(kept.n_begun);
+        kept.n_begun += 1;
+        Work {
+            pairs,
+            robot,
+            posture,
+            capture_time: latest.onboard_time,
+            ground: kept.ground.clone(),
+            n_grounds: kept.n_grounds,
+            resolution_m,
+            scale,
+            seed,
+            keep_prior: request.keep_prior.unwrap_or(true),
+            blended,
+        }
+    };
+    let job = app.jobs.begin("reconstruction", Stop::after(Some(DEADLINE_S))?)?;
+    let report = app.jobs.get(job.id())?;
+    tokio::spawn(run(app, who, work, job, place));
+    Ok(report)
+}
+
+/// The blended map to go on from.
+fn begin(
+    kept: &Kept,
+    request: &ReconstructionRequest,
+    resolution_m: f64,
+    n_pairs: usize,
+) -> Result<Blended, RequestError> {
+    if let Some(blended) = kept.blended.as_ref().filter(|_| !request.anew) {
+        let of_map = blended.mapper.settings().resolution_m;
+        if of_map != resolution_m {
+            let text = format_args!(
+                "is {resolution_m}, and what was seen so far is blended at {of_map} m: \
+                 give that, or \"anew\": true to begin without it"
+            );
+            return Err(RequestError::at("out_of_range", &At::root("resolution_m"), text));
+        }
+        if blended.mapper.pairs().count() + n_pairs > PAIRS_MAX {
+            let text = format_args!(
+                "would make more than {PAIRS_MAX} pairs in one map: give \"anew\": true"
+            );
+            return Err(RequestError::at("too_many", &At::root("cameras"), text));
+        }
+        return Ok(blended.clone());
+    }
+    let settings = MapSettings { resolution_m, ..MapSettings::default() };
+    let at = At::root("resolution_m");
+    let mapper = Mapper::new(settings).map_err(|error| terrain_error(&at, &error))?;
+    Ok(Blended { mapper, has_prior: false, next_source: 0, names: BTreeMap::new() })
+}
+
+async fn run(app: AppState, who: String, work: Work, job: JobHandle, place: OwnedSemaphorePermit) {
+    let permit = match app.gate.enter().await {
+        Ok(permit) => permit,
+        Err(error) => return job.end(Err(error)),
+    };
+    let work = move || {
+        let outcome = reconstruct(&app, &who, work, &job);
+        // Whoever sees the end of the job finds the place free.
+        drop((place, permit));
+        job.end(outcome);
+    };
+    // A panic drops the job, which then counts as failed.
+    if let Err(error) = tokio::task::spawn_blocking(work).await {
+        tracing::error!("a reconstruction: {error}");
+    }
+}
+
+fn reconstruct(app: &AppState, who: &str, work: Work, job: &JobHandle) -> Result<String, ApiError> {
+    let mut blended = work.blended.clone();
+    let time_ns = i64::try_from(work.capture_time.0).unwrap_or(i64::MAX);
+    if work.keep_prior && !blended.has_prior {
+        job.progress(0.0, "the map from before");
+        add_prior(&mut blended, &work.ground, work.resolution_m, time_ns)?;
+    }
+    let before = blended.mapper.version().clone();
+    let mut pairs = Vec::with_capacity(work.pairs.len());
+    for (i, camera) in work.pairs.iter().enumerate() {
+        let tell = |share: f64, doing: &str| {
+            let share = (i as f64 + share) / work.pairs.len() as f64;
+            job.progress(0.9 * share, &format!("{}: {doing}", camera.name));
+        };
+        let refuse = |error: StereoError| stereo_error(job.stop(), &camera.name, &error);
+        tell(0.0, "images");
+        let images = PairImages::simulated(camera, &work, job.stop()).map_err(refuse)?;
+        tell(0.6, "matching");
+        let seen = pair::measure(&images, &work.robot, job.stop()).map_err(refuse)?;
+        tell(0.9, "blending");
+        job.stop().check()?;
+        let (mut answer, dem) = pair::map_of(&images, &seen, work.resolution_m)?;
+        if let Some(dem) = dem {
+            let (at, source) = (At::root("cameras"), blended.next_source);
+            let fitted = blended
+                .mapper
+                .add_pair(source, Arc::new(dem), time_ns, &AlignSettings::default())
+                .map_err(|error| terrain_error(&at, &error))?;
+            blended.next_source += 1;
+            blended.names.insert(source, camera.name.clone());
+            answer.source = Some(source);
+            answer.shift_m = fitted.correction.translation_m.into();
+            answer.yaw_rad = fitted.correction.yaw_rad;
+            answer.fit_refused = fitted.refusal.is_some();
+        }
+        pairs.push(answer);
+    }
+    if pairs.iter().all(|pair| pair.cells == 0) {
+        let message = "none of the pairs saw ground well enough: choose others, or a larger scale";
+        return Err(ApiError::new("nothing_seen", message));
+    }
+    job.progress(0.9, "judges the ground");
+    let changes = blended.mapper.version().changes_since(&before);
+    let map = read(blended.mapper.version(), &work, &pairs)?;
+    let seen = SeenBy { map: blended.mapper.version().clone(), pairs: blended.names.clone() };
+    let version = app.store.prepare_seen(map, app.clock.now(), seen);
+    job.stop().check()?;
+    let area = |n: usize| n as f64 * work.resolution_m * work.resolution_m;
+    let answer = ReconstructionAnswer {
+        id: job.id().to_owned(),
+        terrain_version: version.info.version.clone(),
+        capture_time: work.capture_time,
+        resolution_m: work.resolution_m,
+        scale: work.scale,
+        seed: work.seed,
+        keep_prior: work.keep_prior,
+        pairs,
+        changed_cells: changes.cells,
+        changed_m2: area(changes.cells),
+        new_cells: changes.appeared,
+        new_m2: area(changes.appeared),
+        lost_cells: changes.vanished,
+    };
+    let notice = TerrainNotice {
+        version: version.info.version.clone(),
+        source: version.info.source.clone(),
+        synthetic_detail: version.info.synthetic_detail,
+    };
+    let text = format!(
+        "new map: {}; {:.1} m² changed, {:.1} m² seen for the first time",
+        notice.source, answer.changed_m2, answer.new_m2
+    );
+    // The ground of the link first: an import holds it when it changes what the rover stands on.
+    let (mut ground, now) = app.live.locked();
+    let mut kept = app.reconstructions.locked();
+    if kept.n_grounds != work.n_grounds {
+        let message = "another ground was imported meanwhile; ask again";
+        return Err(ApiError::new("cancelled", message));
+    }
+    kept.blended = Some(blended);
+    kept.answers.push_back(answer);
+    while kept.answers.len() > ANSWERS_MAX {
+        kept.answers.pop_front();
+    }
+    if let Err(error) = version.layers() {
+        let text = format!("the map has no traversability: {error}");
+        ground.notice(now, EventLevel::Caution, "server", &text);
+    }
+    app.store.put(version);
+    ground.publish(now, channel::TERRAIN, &notice);
+    ground.notice(now, EventLevel::Info, who, &text);
+    Ok(format!("/api/v1/terrain/reconstructions/{}", job.id()))
+}
+
+/// Puts the map from before under what is seen.
+fn add_prior(
+    blended: &mut Blended,
+    map: &ElevationMap,
+    resolution_m: f64,
+    time_ns: i64,
+) -> Result<(), RequestError> {
+    let at = At::root("keep_prior");
+    let extent = map.grid().far_corner() - map.grid().origin;
+    let n_nodes = extent.x / resolution_m * (extent.y / resolution_m);
+    if n_nodes > PRIOR_NODES_MAX {
+        let text = format_args!(
+            "keeps a map of {n_nodes:.0} nodes of {resolution_m} m; at most {PRIOR_NODES_MAX:.0} are kept: \
+             give a coarser resolution_m, or false"
+        );
+        return Err(RequestError::at("too_many", &at, text));
+    }
+    let refuse = |error| terrain_error(&at, &error);
+    let dem = PairDem::of_map(map, resolution_m, PRIOR_SIGMA_M).map_err(refuse)?;
+    let input = Input::Prior { source: blended.next_source, dem: Arc::new(dem), time_ns };
+    blended.mapper.push(input).map_err(refuse)?;
+    blended.next_source += 1;
+    blended.has_prior = true;
+    Ok(())
+}
+
+/// The blended map as a map for planners, as far as anything is known.
+///
+/// With the map from before, ground that the robot hides is what it was last known to be; without it, it is
+/// unknown. Contradictions are unknown in any case.
+fn read(
+    version: &MapVersion,
+    work: &Work,
+    pairs: &[wire::reconstruction::ReconstructedPair],
+) -> Result<ElevationMap, RequestError> {
+    let keep = work.keep_prior;
+    let policy = ReadPolicy { use_prior: keep, use_masked: keep, use_conflicts: false };
+    let names: Vec<&str> = pairs.iter().map(|pair| pair.name.as_str()).collect();
+    let mut name = format!("seen by {}", names.join(", "));
+    if keep {
+        name += &format!(", else {}", source_text(&work.ground));
+    }
+    let synthetic_detail = keep && work.ground.source().synthetic_detail;
+    let source = Source { kind: SourceKind::File { name }, synthetic_detail };
+    let refuse = |error| terrain_error(&At::root("cameras"), &error);
+    // Trust is not asked for, so neither are times.
+    let whole = version.elevation(policy, 0, 1.0, source.clone()).map_err(refuse)?.map;
+    let (grid, heights) = (*whole.grid(), whole.heights());
+    let mut ends = [usize::MAX, usize::MAX, 0, 0];
+    for iy in 0..grid.ny {
+        for ix in 0..grid.nx {
+            if !heights.at(ix, iy).is_nan() {
+                ends = [ends[0].min(ix), ends[1].min(iy), ends[2].max(ix), ends[3].max(iy)];
+            }
+        }
+    }
+    let [x0, y0, x1, y1] = ends;
+    if x0 >= x1 || y0 >= y1 {
+        return Err(RequestError::new("nothing_seen", "the map would have no known ground"));
+    }
+    let origin: Point2<f64> = grid.position(x0, y0);
+    let known = Grid { origin, nx: x1 - x0 + 1, ny: y1 - y0 + 1, ..grid };
+    let heights = Raster::from_fn(known, |ix, iy| *heights.at(x0 + ix, y0 + iy));
+    Ok(ElevationMap::new(heights, source).with_frame_offset(work.ground.frame_offset()))
+}
+
+/// An error of the work on a pair: that it was told to stop, or what does not fit.
+fn stereo_error(stop: &Stop, pair: &str, error: &StereoError) -> ApiError {
+    match stop.check() {
+        Err(stopped) if *error == StereoError::Stopped => stopped.into(),
+        _ => ApiError::new("out_of_range", format!("pair {pair}: {error}")),
+    }
+}

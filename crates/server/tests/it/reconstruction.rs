@@ -1,0 +1,197 @@
+//! From stereo pairs to a new version of the map, against the ground that the rover stands on.
+
+use base64::Engine;
+use rover::Posture;
+use serde_json::{Value, json};
+use stereo::ray::RayScene;
+use terrain::ElevationMap;
+use wire::check::At;
+
+use crate::support::Ground;
+
+/// The map of a version, as it is served.
+fn map_of(ground: &Ground, version: &Value) -> ElevationMap {
+    ground.app().store.get(&At::root("v"), version.as_str().unwrap()).unwrap().map.clone()
+}
+
+async fn current(ground: &Ground) -> Value {
+    ground.get("/api/v1/terrain/versions").await.json()["current"].take()
+}
+
+/// Reconstructs; gives the answer of the ended job.
+async fn reconstruct(ground: &Ground, request: &Value) -> Value {
+    let report = ground.job(&ground.post("terrain/reconstructions", request).await).await;
+    assert_eq!(report["state"], "done", "{report}");
+    ground.get(report["result"].as_str().unwrap()).await.json()
+}
+
+#[tokio::test]
+async fn the_map_that_two_pairs_see_is_the_ground_without_the_robot() {
+    let ground = Ground::start().await;
+    let truth = map_of(&ground, &current(&ground).await);
+    let wish = json!({
+        "cameras": ["haz1", "nav1"], "scale": 0.5, "seed": 7, "keep_prior": false
+    });
+    let answer = reconstruct(&ground, &wish).await;
+    let version = current(&ground).await;
+    assert_eq!(answer["terrain_version"], version);
+    assert_eq!(answer["pairs"].as_array().unwrap().len(), 2);
+    let seen = map_of(&ground, &version);
+
+    // Where the robot is, by the distance to its solids.
+    let robot = ground.app().live.robot().clone();
+    let posture = Posture::new(&robot, &ground.app().live.configuration().unwrap());
+    let scene = RayScene::new(None, Some((&robot, &posture)));
+    let (mut n, mut squares, mut n_off, mut n_below, mut raised) = (0_usize, 0.0, 0, 0, 0.0_f64);
+    let grid = *seen.grid();
+    for iy in 0..grid.ny {
+        for ix in 0..grid.nx {
+            let (p, z) = (grid.position(ix, iy), *seen.heights().at(ix, iy));
+            let Some(expected) = truth.height_at(p).filter(|_| !z.is_nan()) else { continue };
+            let miss = f64::from(z) - expected;
+            (n, squares, n_off) =
+                (n + 1, squares + miss * miss, n_off + usize::from(miss.abs() > 0.2));
+            // Under a wheel or a leg: a solid of the robot is straight above.
+            let from = nalgebra::Point3::new(p.x, p.y, expected - 0.02);
+            if scene.is_blocked(&from, &nalgebra::Vector3::z(), 4.0) {
+                n_below += 1;
+                raised = raised.max(miss);
+            }
+        }
+    }
+    let rms = (squares / n as f64).sqrt();
+    assert!(n > 4000, "{n}");
+    assert!(rms < 0.05 && n_off * 200 < n, "rms {rms} m, {n_off} of {n} off by 20 cm");
+    assert!(n_below > 50 && raised < 0.10, "{n_below} {raised}");
+    for pair in answer["pairs"].as_array().unwrap() {
+        assert!(pair["terrain_points"].as_u64().unwrap() > 1000, "{pair}");
+    }
+    let robot_points = |i: usize| answer["pairs"][i]["robot_points"].as_u64().unwrap();
+    assert!(robot_points(0) > 100, "a HazCam sees legs");
+    let new_cells = answer["new_cells"].as_u64().unwrap() as usize;
+    assert!(new_cells >= n, "{new_cells} {n}");
+
+    // A cell tells who saw it, and when.
+    let cell = |version: Value, [x, y]: [f64; 2]| {
+        let version = version.as_str().unwrap().to_owned();
+        format!("/api/v1/terrain/{version}/cell?x_m={x}&y_m={y}")
+    };
+    let known = (0..grid.len()).filter(|i| !seen.heights().values()[*i].is_nan());
+    let places: Vec<_> = known.map(|i| grid.position(i % grid.nx, i / grid.nx)).collect();
+    let inside: Vec<_> = places.iter().filter(|p| seen.height_at(**p).is_some()).collect();
+    for p in inside.iter().step_by(inside.len() / 20) {
+        let told = ground.get(&cell(version.clone(), [p.x, p.y])).await.json();
+        let camera = told["seen"]["camera"].as_str().unwrap();
+        assert!(["haz1", "nav1"].contains(&camera), "{told}");
+        assert_eq!(told["seen"]["capture_time"], answer["capture_time"]);
+        assert!(told["seen"]["prior"] == false && told["seen"]["hidden"] == false, "{told}");
+        assert!((0.0..0.1).contains(&told["seen"]["sigma_m"].as_f64().unwrap()), "{told}");
+    }
+
+    // Seen again, the map is fitted to what is known and no worse.
+    let wish_again = json!({ "cameras": ["haz1", "nav1"], "seed": 9, "keep_prior": false });
+    let again = reconstruct(&ground, &wish_again).await;
+    assert_ne!(again["terrain_version"], version);
+    assert!(again["pairs"].as_array().unwrap().iter().all(|pair| pair["fit_refused"] == false));
+    let blended = map_of(&ground, &again["terrain_version"]);
+    let (mut n_both, mut before, mut after) = (0.0, 0.0, 0.0);
+    for p in &places {
+        let nearest = |map: &ElevationMap| map.heights().nearest(*p).filter(|z| !z.is_nan());
+        let (Some(a), Some(b)) = (nearest(&seen), nearest(&blended)) else { continue };
+        let Some(expected) = truth.height_at(*p) else { continue };
+        n_both += 1.0;
+        before += (f64::from(a) - expected).powi(2);
+        after += (f64::from(b) - expected).powi(2);
+    }
+    let [before, after] = [before, after].map(|sum: f64| (sum / n_both).sqrt());
+    assert!(n_both > 0.9 * places.len() as f64 && after < 1.05 * before, "{before} {after}");
+    let other_cells = json!({ "cameras": ["haz1"], "resolution_m": 0.1 });
+    let refused = ground.post("terrain/reconstructions", &other_cells).await;
+    assert_eq!(refused.json()["error"]["details"]["field"], "resolution_m");
+
+    // The same in another session is the same map, byte for byte; another seed is another one.
+    let other = Ground::start().await;
+    assert_eq!(reconstruct(&other, &wish).await["terrain_version"], version);
+    let seeded = json!({ "cameras": ["haz1"], "scale": 0.25, "seed": 8, "anew": true });
+    let seeded = reconstruct(&other, &seeded).await;
+    assert_ne!(seeded["terrain_version"], version);
+
+    // With the map from before, whatever is not seen is as it was, and told to be from there.
+    let corner = truth.grid().origin;
+    let told = other.get(&cell(seeded["terrain_version"].clone(), [corner.x, corner.y])).await;
+    assert_eq!(told.json()["seen"]["prior"], true, "{}", told.json());
+    let kept = map_of(&other, &seeded["terrain_version"]);
+    assert_eq!(kept.grid(), truth.grid());
+    let known = |map: &ElevationMap| map.heights().values().iter().filter(|z| !z.is_nan()).count();
+    let same = truth.heights().values().iter().zip(kept.heights().values());
+    let n_same = same.filter(|(a, b)| a.to_bits() == b.to_bits()).count();
+    assert!(known(&kept) * 100 > known(&truth) * 99, "{} of {}", known(&kept), known(&truth));
+    assert!(n_same * 2 > known(&truth) && n_same < known(&truth), "{n_same} unchanged");
+}
+
+#[tokio::test]
+async fn one_at_a_time_which_can_be_cancelled_and_changes_nothing_then() {
+    let ground = Ground::start().await;
+    let before = current(&ground).await;
+    let names = ["nav1", "nav2", "nav3", "nav4", "nav5", "nav6"];
+    let large = json!({ "cameras": names, "scale": 1.0 });
+    let accepted = ground.post("terrain/reconstructions", &large).await;
+    assert_eq!(accepted.status, 202, "{}", accepted.json());
+    let second = ground.post("terrain/reconstructions", &json!({ "cameras": ["nav1"] })).await;
+    assert_eq!((second.status.as_u16(), second.code().as_str()), (429, "busy"));
+    let path = format!("/api/v1/jobs/{}", accepted.json()["id"].as_str().unwrap());
+    let doing = || async { ground.get(&path).await.json()["doing"] == "nav1: images" };
+    ground.until("the first images", doing).await;
+    assert_eq!(ground.call("DELETE", &path, None).await.status, 200);
+    let ended = ground.job(&accepted).await;
+    assert_eq!(ended["state"], "cancelled", "{ended}");
+    assert_eq!(current(&ground).await, before);
+    let id = accepted.json()["id"].as_str().unwrap().to_owned();
+    let answer = ground.get(&format!("/api/v1/terrain/reconstructions/{id}")).await;
+    assert_eq!(answer.code(), "reconstruction_unknown");
+}
+
+#[tokio::test]
+async fn the_pairs_and_what_they_would_see_are_told_before() {
+    let ground = Ground::start().await;
+    let cameras = ground.get("/api/v1/rover/cameras").await.json();
+    assert_eq!(cameras["cameras"].as_array().unwrap().len(), 9);
+    let nav1 = &cameras["cameras"][0];
+    assert_eq!((&nav1["name"], &nav1["kind"]), (&json!("nav1"), &json!("navcam")));
+    assert_eq!(nav1["raw_bytes"], 2 * 1024 * 768);
+    assert!((nav1["baseline_m"].as_f64().unwrap() - 0.25).abs() < 1e-9);
+    assert_eq!(nav1["downlink_s"], Value::Null);
+    let link = json!({
+        "up_delay_s": 0.02, "down_delay_s": 0.02, "down": { "rate_bps": 1_000_000.0 }
+    });
+    assert_eq!(ground.call("PUT", "/api/v1/link", Some(&link)).await.status, 200);
+    let limited = ground.get("/api/v1/rover/cameras").await.json();
+    let seconds = limited["cameras"][0]["downlink_s"].as_f64().unwrap();
+    assert!((seconds - 12.582_912).abs() < 1e-9, "2 x 1024 x 768 bytes at 1 Mbit/s: {seconds}");
+
+    let wish = json!({ "cameras": ["nav1", "haz1", "nav1"], "resolution_m": 0.2 });
+    let answer = ground.post("rover/cameras/coverage", &wish).await.json();
+    let size = [0, 1].map(|i| answer["size"][i].as_u64().unwrap() as usize);
+    let mask = answer["mask_base64"].as_str().unwrap();
+    let mask = base64::engine::general_purpose::STANDARD.decode(mask).unwrap();
+    assert_eq!(mask.len(), 2 * size[0] * size[1]);
+    let mask: Vec<u16> = mask.chunks(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect();
+    assert_eq!(answer["cameras"].as_array().unwrap().len(), 2, "each once");
+    for (bit, pair) in answer["cameras"].as_array().unwrap().iter().enumerate() {
+        let n = mask.iter().filter(|cell| *cell >> bit & 1 == 1).count();
+        assert_eq!(pair["bit"], bit);
+        assert!(n > 20 && (pair["area_m2"].as_f64().unwrap() - 0.04 * n as f64).abs() < 1e-6);
+    }
+    // NavCam 1 looks to 30°: what it sees lies there, seen from the robot's middle.
+    let base = ground.frame().await["state"]["base"]["position_m"].take();
+    let [bx, by] = [0, 1].map(|i| base[i].as_f64().unwrap());
+    let at = |i: usize, n: usize| answer["origin_m"][i].as_f64().unwrap() + 0.2 * n as f64;
+    let heading = ground.app().config.rover.heading_rad + 30.0_f64.to_radians();
+    for (i, _) in mask.iter().enumerate().filter(|(_, cell)| **cell & 1 == 1) {
+        let way = [at(0, i % size[0]) - bx, at(1, i / size[0]) - by];
+        assert!(way[0] * heading.cos() + way[1] * heading.sin() > 1.0, "{way:?}");
+    }
+    assert_eq!(answer["raw_bytes"], 4 * 1024 * 768);
+    let share = answer["seen_share"].as_f64().unwrap();
+    assert!(share > 0.02 && share < 0.9, "{share}");
+}

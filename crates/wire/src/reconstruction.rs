@@ -1,0 +1,179 @@
+//! Stereo pairs of the live rover: what there is, what they would see, and the map made of them.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use crate::time::Timestamp;
+
+/// Most pairs of one request: each has a bit in the mask of a coverage.
+pub const CAMERAS_MAX: usize = 16;
+/// Range of the distance of nodes (m).
+pub const RESOLUTION_M: [f64; 2] = [0.02, 1.0];
+/// Range of the size of images, as a share of the pair's own.
+pub const SCALE: [f64; 2] = [0.25, 1.0];
+
+/// The stereo pairs of the live rover: `GET /rover/cameras`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct CamerasAnswer {
+    /// In the order of the robot's folder.
+    pub cameras: Vec<CameraAnswer>,
+    /// Rate of telemetry (bit/s); none where the link has no limit.
+    pub downlink_bps: Option<f64>,
+}
+
+/// One stereo pair.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct CameraAnswer {
+    /// Its name.
+    pub name: String,
+    /// `navcam`, `hazcam` or `other`, as its name begins (`nav`, `haz`).
+    pub kind: String,
+    /// The link that carries it.
+    pub link: String,
+    /// Columns and rows of each of its two images (px).
+    pub size_px: [usize; 2],
+    /// Distance between the cameras (m).
+    pub baseline_m: f64,
+    /// Depths that count (m).
+    pub range_m: [f64; 2],
+    /// Bytes of both images, 8 bits a pixel, before any compression.
+    pub raw_bytes: usize,
+    /// Time that they take over the link as it is (s); none where it has no rate.
+    pub downlink_s: Option<f64>,
+}
+
+/// Asks what pairs would see of the map in use: `POST /rover/cameras/coverage`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CoverageRequest {
+    /// Names of the pairs, 1 to 16.
+    pub cameras: Vec<String>,
+    /// Distance of the nodes (m), 0.02 to 1; 0.1 where absent.
+    #[serde(default)]
+    pub resolution_m: Option<f64>,
+}
+
+/// What pairs would see.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct CoverageAnswer {
+    /// The map that was looked at.
+    pub terrain_version: String,
+    /// First node in `world` (m).
+    pub origin_m: [f64; 2],
+    /// Distance of the nodes (m).
+    pub resolution_m: f64,
+    /// Nodes along x and y.
+    pub size: [usize; 2],
+    /// For each node, row by row along x from low to high y, a little-endian u16 in base64: bit i is
+    /// set where pair i of `cameras` sees the ground.
+    pub mask_base64: String,
+    /// The pairs, in the order of their bits.
+    pub cameras: Vec<CoverageOfPair>,
+    /// Share of the known nodes that at least one pair sees.
+    pub seen_share: f64,
+    /// Bytes of all images before any compression.
+    pub raw_bytes: usize,
+    /// Time that they take over the link as it is (s); none where it has no rate.
+    pub downlink_s: Option<f64>,
+}
+
+/// What one pair would see.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct CoverageOfPair {
+    /// Its name.
+    pub name: String,
+    /// Its bit in the mask.
+    pub bit: u8,
+    /// Ground that it sees (m²).
+    pub area_m2: f64,
+    /// Share of the known nodes that it sees.
+    pub seen_share: f64,
+    /// Bytes of its two images before any compression.
+    pub raw_bytes: usize,
+}
+
+/// Asks for a map of what pairs see now: `POST /terrain/reconstructions`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ReconstructionRequest {
+    /// Names of the pairs, 1 to 16.
+    pub cameras: Vec<String>,
+    /// Distance of the nodes (m), 0.02 to 1; 0.05 where absent. All reconstructions that are blended
+    /// have the same.
+    #[serde(default)]
+    pub resolution_m: Option<f64>,
+    /// Size of the images as a share of the pair's own, 0.25 to 1; 0.5 where absent.
+    #[serde(default)]
+    pub scale: Option<f64>,
+    /// Seed of the simulated sensors' noise; a new one each time where absent.
+    #[serde(default)]
+    pub seed: Option<u64>,
+    /// Keep the map that was there before where no pair sees ground; true where absent.
+    #[serde(default)]
+    pub keep_prior: Option<bool>,
+    /// Begin anew, without what earlier reconstructions saw.
+    #[serde(default)]
+    pub anew: bool,
+}
+
+/// A map that was made: `GET /terrain/reconstructions/{id}`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ReconstructionAnswer {
+    /// Its identity, that of the job.
+    pub id: String,
+    /// The version of the map that it became.
+    pub terrain_version: String,
+    /// When the images were taken, on board.
+    pub capture_time: Timestamp,
+    /// Distance of the nodes (m).
+    pub resolution_m: f64,
+    /// Size of the images as a share of the pair's own.
+    pub scale: f64,
+    /// Seed of the simulated sensors' noise.
+    pub seed: u64,
+    /// Was the map from before kept where no pair saw ground?
+    pub keep_prior: bool,
+    /// Pair by pair.
+    pub pairs: Vec<ReconstructedPair>,
+    /// Nodes whose content changed, and their area (m²).
+    pub changed_cells: usize,
+    /// Area of the nodes whose content changed (m²).
+    pub changed_m2: f64,
+    /// Nodes whose ground was seen for the first time, and their area (m²).
+    pub new_cells: usize,
+    /// Area of the nodes whose ground was seen for the first time (m²).
+    pub new_m2: f64,
+    /// Nodes whose ground is hidden or contradicted now.
+    pub lost_cells: usize,
+}
+
+/// What one pair gave.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ReconstructedPair {
+    /// Its name.
+    pub name: String,
+    /// Number of its map among the sources of the blended map; none where it saw nothing.
+    pub source: Option<u32>,
+    /// Columns and rows of each image (px).
+    pub size_px: [usize; 2],
+    /// Median distance of rows of matching corners (px); below 0.5 is good.
+    pub epipolar_px: Option<f64>,
+    /// Share of the pixels both cameras could see that have a disparity.
+    pub fill: f64,
+    /// Distance of points from the plane that most lie near (m).
+    pub plane_residual_m: Option<f64>,
+    /// Points of the ground.
+    pub terrain_points: usize,
+    /// Points of the robot itself, which stay out.
+    pub robot_points: usize,
+    /// Points that may be of either, which stay out.
+    pub shadow_band_points: usize,
+    /// Nodes of ground in its map.
+    pub cells: usize,
+    /// Shift by which it was fitted to the map (m).
+    pub shift_m: [f64; 3],
+    /// Turn by which it was fitted to the map (rad).
+    pub yaw_rad: f64,
+    /// True if it could not be fitted and was left where it says it is.
+    pub fit_refused: bool,
+}
