@@ -1,12 +1,12 @@
 //! From stereo pairs of the live rover to a new version of the map, as a job.
 //!
 //! The simulated rover has no cameras in its link yet: the server draws the images itself, of the ground
-//! that the rover stands on and the posture last reported ([`PairImages::simulated`]). They do not
+//! that the rover stands on and the posture last reported (`PairImages::simulated`). They do not
 //! pass the link, take none of its time, and are not logged; `downlink_s` of `GET /rover/cameras` tells what
 //! they would take. All that follows needs the value [`PairImages`] only, so images that came down may take
 //! their place.
 //!
-//! Matching, self-mask and rasterizing ([`pair`]) give a map of each pair; these are blended into one
+//! Matching, self-mask and rasterizing (`pair`) give a map of each pair; these are blended into one
 //! [`Mapper`] that lasts until another ground is imported. A reconstruction that fails or is cancelled
 //! leaves it as it was.
 //!
