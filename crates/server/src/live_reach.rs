@@ -156,8 +156,9 @@ pub async fn run(app: AppState) {
     }
 }
 
-/// Plans to all reachable cells of a leg, as a job; the cells of the leg are marked as it goes on. A
-/// change of stance, map or preference cancels it.
+/// Plans to one reachable cell of each 10 cm square (at scale 1) of a leg, as a job; the cells planned to
+/// are marked as it goes on, those beside them stay reachable. A change of stance, map or preference
+/// cancels it.
 pub fn plan_to_cells(app: &AppState, leg: &str) -> Result<JobReport, ApiError> {
     let Some((basis, cells)) = app.reach.cells(leg) else { return Err(not_ready(leg)) };
     let job = app.jobs.begin("plannable", Stop::after(Some(DEADLINE_S))?)?;
@@ -183,7 +184,7 @@ pub fn plan_to_cells(app: &AppState, leg: &str) -> Result<JobReport, ApiError> {
                     return;
                 }
                 shown = Instant::now();
-                job.progress(share, "plans a step to each reachable cell");
+                job.progress(share, "plans a step to a reachable cell of each 10 cm square");
                 if !app.reach.keep(&basis, &leg, cells.clone()) {
                     stop.cancel();
                 }

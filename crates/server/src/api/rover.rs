@@ -148,8 +148,9 @@ async fn leg_reach(
     Ok((headers, cells.to_binary()).into_response())
 }
 
-/// Plans a step to every reachable cell of a leg, as a job: its cells become `plannable` or
-/// `not_plannable` one by one. A change of stance, map or preference cancels it.
+/// Plans a step to one reachable cell of each 10 cm square (at scale 1) of a leg, as a job: these cells become
+/// `plannable` or `not_plannable` one by one and speak for their square; the others stay `reachable`. A
+/// change of stance, map or preference cancels it.
 #[utoipa::path(
     post, path = "/rover/reachability/{leg}/plans", tag = "rover",
     params(("leg" = String, Path, description = "Name of the leg")),

@@ -177,6 +177,27 @@ async fn the_reachability_of_all_legs_comes_by_itself_and_again_after_a_step() {
 }
 
 #[tokio::test]
+async fn planning_to_the_cells_of_a_leg_ends_after_few_plans() {
+    let ground = Ground::with(|config| config.terrain.width_m = 10.0).await;
+    let path = "/api/v1/rover/reachability";
+    let summary = || async { ground.get(path).await.json() };
+    ground.until("all legs", || async { summary().await["progress"] == 1.0 }).await;
+    let of = |summary: &Value, class| summary["legs"]["leg1"]["cells"][class].as_u64().unwrap();
+    let reachable = of(&summary().await, "reachable");
+    let job = ground.call("POST", &format!("{path}/leg1/plans"), None).await;
+    let began = std::time::Instant::now();
+    let report = ground.job(&job).await;
+    eprintln!("{:?} {report}", began.elapsed());
+    assert_eq!(report["state"], "done", "{report}");
+    let after = summary().await;
+    let planned = of(&after, "plannable") + of(&after, "not_plannable");
+    // Within the leg's length there are no more squares of 10 cm than this, and those beside planned cells
+    // stay what they are.
+    assert!(planned > 0 && planned * 10 < reachable, "{planned} of {reachable}");
+    assert_eq!(planned + of(&after, "reachable"), reachable, "{after}");
+}
+
+#[tokio::test]
 async fn a_plan_takes_friction_as_its_rule_and_tells_all_margins_along_it() {
     let ground = Ground::start().await;
     let plan = ground.plan_with("leg2", [0.1, 0.1], json!({ "stability": "friction" })).await;

@@ -113,7 +113,7 @@ function PlannedCells({ leg, count }: { leg: string; count: ReturnType<typeof pl
           type="button"
           className="button"
           data-testid="plan-to-cells"
-          title="Plans a step to each reachable cell in the background, the nearest first"
+          title="Plans a step to a reachable cell of each 10 cm square in the background, the nearest first"
           onClick={() => void planToCells(leg, stability)}
         >
           Plan to each cell
