@@ -68,6 +68,43 @@ describe("what it is asked for with the options of plans", () => {
   });
 });
 
+describe("what it is asked for where plans go by friction", () => {
+  const options = { stability: "friction", drive_hold: false, seed: 1 } as const;
+
+  it("wishes for the rule's margin within what friction holds", () => {
+    const advice = { leg: "leg2", friction_m: 0 };
+    expect(postureRequest("leg2", USUAL_WISH, options)).toEqual({ advice });
+  });
+
+  it("shows the friction margin where it is told", () => {
+    const keys = (before: PostureMargins, after: PostureMargins) =>
+      marginPairs(before, after).map((pair) => pair.key);
+    expect(keys(margins(0.1), margins(0.2))).not.toContain("friction");
+    const pairs = marginPairs(margins(0.1), { ...margins(0.2), friction_m: 0.18 });
+    expect(pairs.find((pair) => pair.key === "friction")).toEqual({
+      key: "friction",
+      name: "Friction",
+      before: "none",
+      after: "0.18 m",
+      more: null,
+    });
+    const less = marginPairs(
+      { ...margins(0.1), friction_m: 0.2 },
+      { ...margins(0.2), friction_m: 0.1 },
+    );
+    expect(less.find((pair) => pair.key === "friction")?.more).toBe(false);
+  });
+
+  it("says what friction lacks", () => {
+    const rule = { needed_m: 0.15, conservative: false, friction: true };
+    const told = (friction_m: number | null) =>
+      withoutLeg({ outcome: "best", before: { ...margins(0.3), friction_m } }, rule).says;
+    expect(told(null)).toBe("friction does not hold without it");
+    expect(told(0.05)).toBe("0.10 m of friction margin short without it");
+    expect(told(0.2)).toBe("rule not met without it");
+  });
+});
+
 describe("what it answers", () => {
   it("offers the proposals, else the best posture where it moves at all", () => {
     const advice = (proposals: PostureProposal[], best: PostureProposal | null) =>
@@ -116,7 +153,7 @@ describe("what it answers", () => {
   });
 
   it("says whether the rule holds without the leg", () => {
-    let rule = { needed_m: 0.15, conservative: false };
+    let rule = { needed_m: 0.15, conservative: false, friction: false };
     const told = (before: Partial<PostureMargins>, outcome: PostureAdvice["outcome"] = "best") =>
       withoutLeg({ outcome, before: { ...margins(0.3), ...before } }, rule);
     expect(told({}, "already_met")).toEqual({ status: "normal", says: "0.30 m margin without it" });

@@ -46,6 +46,11 @@ export function conservativeWish(
   return wish.conservative_m ?? (stability === "conservative" ? 0 : null);
 }
 
+/** The margin within what friction holds that is asked for: the rule's, where plans go by friction (m). */
+export function frictionWish({ stability }: Pick<PostureOptions, "stability">): number | null {
+  return stability === "friction" ? 0 : null;
+}
+
 /** The request; what is as usual is left to the server. */
 export function postureRequest(
   leg: string,
@@ -54,11 +59,13 @@ export function postureRequest(
 ): PostureRequest {
   const { regular_m, chassis, fold, replace } = wish;
   const conservative_m = conservativeWish(wish, options);
+  const friction_m = frictionWish(options);
   return {
     advice: {
       leg,
       ...(regular_m !== null && { regular_m }),
       ...(conservative_m !== null && { conservative_m }),
+      ...(friction_m !== null && { friction_m }),
       ...(chassis !== USUAL_WISH.chassis && { chassis }),
       ...(!fold && { fold }),
       ...(!replace && { replace }),
@@ -129,10 +136,14 @@ export function marginPairs(before: PostureMargins, after: PostureMargins): Marg
     };
   };
   const m = (v: number | null | undefined) => (v == null ? "none" : metres(v));
+  const { friction_m } = before;
+  // Told only where it was wished for: without a region both are absent, and the row would say nothing.
+  const friction = friction_m != null || after.friction_m != null;
   return [
     pair("regular", "Regular", before.regular_m, after.regular_m, m),
     pair("settlement", "After settling", before.settlement_m, after.settlement_m, m),
     pair("conservative", "Conservative", before.conservative_m, after.conservative_m, m),
+    ...(friction ? [pair("friction", "Friction", friction_m, after.friction_m, m)] : []),
     pair("torque", "Torque", before.torque_ratio, after.torque_ratio, percent, true),
   ];
 }
@@ -177,25 +188,31 @@ export interface RuleAsked {
   needed_m: number;
   /** Must one more loss be survived too? */
   conservative: boolean;
+  /** Must friction hold with the same margin? */
+  friction: boolean;
 }
 
 /** Whether the margin rule holds with the leg up, and if not in what it fails. */
 export function withoutLeg(
   { outcome, before }: Pick<PostureAdvice, "outcome" | "before">,
-  { needed_m, conservative }: RuleAsked,
+  rule: RuleAsked,
 ): WithoutLeg {
   if (outcome === "already_met") {
     return { status: "normal", says: `${metres(before.regular_m)} margin without it` };
   }
-  return { status: "caution", says: `${failing(before, needed_m, conservative)} without it` };
+  return { status: "caution", says: `${failing(before, rule)} without it` };
 }
 
-function failing(before: PostureMargins, needed_m: number, conservative: boolean): string {
-  const { regular_m, settlement_m, conservative_m, torque_ratio } = before;
+function failing(before: PostureMargins, { needed_m, conservative, friction }: RuleAsked): string {
+  const { regular_m, settlement_m, conservative_m, friction_m, torque_ratio } = before;
   if (regular_m == null) return "no margin";
   if (regular_m < needed_m) return `${metres(needed_m - regular_m)} short`;
   if ((settlement_m ?? 0) < 0) return "tips on settling";
   if (conservative && (conservative_m ?? -1) < 0) return "a loss tips it";
+  if (friction && friction_m == null) return "friction does not hold";
+  if (friction && (friction_m ?? 0) < needed_m) {
+    return `${metres(needed_m - (friction_m ?? 0))} of friction margin short`;
+  }
   return (torque_ratio ?? 0) > 1 ? "a joint overloaded" : "rule not met";
 }
 

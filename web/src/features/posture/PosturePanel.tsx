@@ -48,7 +48,8 @@ function Without({ leg }: { leg: string }) {
   const advice = without?.leg === leg ? without.answer.advice : null;
   if (!advice) return null;
   const conservative = without?.stability === "conservative";
-  const { status, says } = withoutLeg(advice, { needed_m, conservative });
+  const friction = without?.stability === "friction";
+  const { status, says } = withoutLeg(advice, { needed_m, conservative, friction });
   return (
     <span
       className="quiet small posture-without"
