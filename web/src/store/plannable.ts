@@ -88,11 +88,21 @@ export async function planToCells(leg: string, stability: StabilityPreference): 
 }
 
 export function cancelPlannable(): void {
-  const { job } = usePlannable.getState();
+  const { of, job } = usePlannable.getState();
   asked += 1;
   set(NOTHING);
   // The job ends by itself with the next change of stance, should this not arrive.
-  if (job) api.cancelJob(job.id).catch(() => {});
+  if (of && job) showLast(of, job.id).catch(() => {});
+}
+
+/** Cancels a job, and shows what it came to before it heard of that. */
+async function showLast(of: { leg: string; basis: string }, job: string): Promise<void> {
+  await api.cancelJob(job);
+  await pause(LOOK_MS);
+  const grid = readReachGrid(await api.liveCells(of.leg));
+  const reach = useReach.getState();
+  const same = reach.leg === of.leg && reach.basis === of.basis;
+  if (same && usePlannable.getState().of === null) useReach.setState({ grid });
 }
 
 /** Another stance, map or preference ends the work; the server ends its part by itself. */
