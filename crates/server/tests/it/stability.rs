@@ -185,14 +185,12 @@ async fn planning_to_the_cells_of_a_leg_ends_after_few_plans() {
     let of = |summary: &Value, class| summary["legs"]["leg1"]["cells"][class].as_u64().unwrap();
     let reachable = of(&summary().await, "reachable");
     let job = ground.call("POST", &format!("{path}/leg1/plans"), None).await;
-    let began = std::time::Instant::now();
     let report = ground.job(&job).await;
-    eprintln!("{:?} {report}", began.elapsed());
     assert_eq!(report["state"], "done", "{report}");
     let after = summary().await;
     let planned = of(&after, "plannable") + of(&after, "not_plannable");
-    // Within the leg's length there are no more squares of 10 cm than this, and those beside planned cells
-    // stay what they are.
+    // A square of 10 cm has 25 cells of 2 cm; along the border of what can be reached it has fewer. The
+    // cells beside planned ones stay what they are.
     assert!(planned > 0 && planned * 10 < reachable, "{planned} of {reachable}");
     assert_eq!(planned + of(&after, "reachable"), reachable, "{after}");
 }
