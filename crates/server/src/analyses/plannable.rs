@@ -1,7 +1,7 @@
 //! Which of the cells that a leg can reach a step can really be planned to.
 //!
 //! A plan takes far longer than a cell, and cells are finer than plans are of use: one reachable cell of each
-//! square of [`SPACING_M`] is planned to and speaks for its square. Its neighbors stay `reachable`.
+//! square of `SPACING_M` is planned to and speaks for its square. Its neighbors stay `reachable`.
 
 use std::collections::BTreeMap;
 
@@ -20,7 +20,7 @@ use crate::stop::Stop;
 /// Side of the squares of cells of which one is planned to, for a robot of scale 1 (m).
 const SPACING_M: f64 = 0.1;
 
-/// Plans a step of the live rover to one reachable cell of each square of [`SPACING_M`], the nearest to
+/// Plans a step of the live rover to one reachable cell of each square of `SPACING_M`, the nearest to
 /// where the wheel stands first, and marks the cells one by one; `told` hears of each how far the work is
 /// (0 to 1).
 pub fn plannable(
