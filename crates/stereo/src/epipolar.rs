@@ -48,7 +48,8 @@ pub struct EpipolarHealth {
     pub median_abs_dy: f64,
     /// Median absolute deviation from the median (px): what a shift of rows cannot mend.
     pub mad_dy: f64,
-    /// Share of matches of clearly negative disparity (by 1 % of the width), which no point in front of the cameras has.
+    /// Share of matches of clearly negative disparity (by 1 % of the width): no point in front of the
+    /// cameras has one.
     pub negative_share: f64,
 }
 

@@ -1,6 +1,6 @@
 //! Dense matching of a rectified pair: semi-global matching over a census.
 //!
-//! Cost: Hamming distance of center-symmetric censuses of 9 x 7 pixels (31 bits, `census`).
+//! Cost: Hamming distance of center-symmetric censuses of 9 x 7 pixels (31 bits).
 //! Aggregation along five paths (from the left, from the right, from above, and the two diagonals from
 //! above), one row after another: nothing of the size of a cost volume is kept (Hirschmüller 2008,
 //! "Stereo processing by semi-global matching and mutual information", section 2). Then the winner by

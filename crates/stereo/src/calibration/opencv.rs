@@ -22,7 +22,7 @@ const DISTORTION: &[&str] = &[
 const WIDTH: &[&str] = &["image_width", "image_Width"];
 const HEIGHT: &[&str] = &["image_height", "image_Height"];
 
-/// Reads one camera: a camera matrix, distortion coefficients (k1 k2 p1 p2 k3, the last optional) and, where the file
+/// Reads one camera: a camera matrix, distortion coefficients (k1 k2 p1 p2 and perhaps k3) and, where the file
 /// has it, the size of the image, which must agree with `size`, where that is given. The frame is the
 /// camera's own.
 pub fn read_opencv(text: &str, size: Option<ImageSize>) -> Result<Camera, StereoError> {

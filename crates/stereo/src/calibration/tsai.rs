@@ -10,7 +10,7 @@ use crate::image::ImageSize;
 const FORMAT: &str = "tsai";
 const HINT: &str = "is this a pinhole model of the Ames Stereo Pipeline?";
 
-/// Reads a `.tsai` model: fu fv cu cv, C, R (camera to world, by rows), and k1 k2 p1 p2 k3, the last optional in the
+/// Reads a `.tsai` model: fu fv cu cv, C, R (camera to world, by rows), and k1 k2 p1 p2, perhaps k3, in the
 /// order of OpenCV. The file does not say the size of the image. From `VERSION_3` on lengths on the
 /// sensor are in units of `pitch`.
 pub fn read_tsai(text: &str, size: ImageSize) -> Result<Camera, StereoError> {

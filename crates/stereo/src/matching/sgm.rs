@@ -1,6 +1,6 @@
 //! The paths, row by row.
 
-use pulp::Arch;
+use pulp::{Arch, Simd, WithSimd};
 
 use super::census::{BITS, CensusRow, count};
 use super::{HOLE, Matching, PARTS};
@@ -18,24 +18,31 @@ pub(super) fn match_band(
     band: &mut [i16],
     stop: &dyn Fn() -> bool,
 ) -> bool {
-    let arch = Arch::new();
     match how.disparities.div_ceil(32) {
-        1 => arch.dispatch(
-            #[inline(always)]
-            || run::<32>(left, right, how, first, band, stop),
-        ),
-        2 => arch.dispatch(
-            #[inline(always)]
-            || run::<64>(left, right, how, first, band, stop),
-        ),
-        3 => arch.dispatch(
-            #[inline(always)]
-            || run::<96>(left, right, how, first, band, stop),
-        ),
-        _ => arch.dispatch(
-            #[inline(always)]
-            || run::<128>(left, right, how, first, band, stop),
-        ),
+        1 => Arch::new().dispatch(Band::<32> { left, right, how, first, band, stop }),
+        2 => Arch::new().dispatch(Band::<64> { left, right, how, first, band, stop }),
+        3 => Arch::new().dispatch(Band::<96> { left, right, how, first, band, stop }),
+        _ => Arch::new().dispatch(Band::<128> { left, right, how, first, band, stop }),
+    }
+}
+
+/// A band to be matched with the widest instructions that the machine has. A closure would do, but
+/// its body is not compiled for them.
+struct Band<'a, const D: usize> {
+    left: &'a GrayImage,
+    right: &'a GrayImage,
+    how: &'a Matching,
+    first: usize,
+    band: &'a mut [i16],
+    stop: &'a dyn Fn() -> bool,
+}
+
+impl<const D: usize> WithSimd for Band<'_, D> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> bool {
+        run::<D>(self.left, self.right, self.how, self.first, self.band, self.stop)
     }
 }
 
@@ -276,5 +283,30 @@ impl Winner {
         }
         let shift = (i32::from(PARTS) * (lower - higher) + bend) / (2 * bend);
         whole + shift as i16
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+    use crate::image::ImageSize;
+
+    #[test]
+    fn wider_instructions_change_no_bit() {
+        let size = ImageSize::new(90, 40).unwrap();
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let noise: Vec<u8> = (0..size.len() + 11).map(|_| rng.random()).collect();
+        let left = GrayImage::new(size, noise[..size.len()].to_vec()).unwrap();
+        let right = GrayImage::new(size, noise[11..].to_vec()).unwrap();
+        let how = Matching { disparities: 32, ..Matching::default() };
+        let (mut plain, mut wide) = (vec![HOLE; 90 * 30], vec![HOLE; 90 * 30]);
+        assert!(run::<32>(&left, &right, &how, 10, &mut plain, &|| false));
+        assert!(match_band(&left, &right, &how, 10, &mut wide, &|| false));
+        assert_eq!(plain, wide);
+        let n_right = plain.iter().filter(|parts| parts.abs_diff(11 * PARTS) < 64).count();
+        assert!(n_right > 60 * 30, "{n_right}");
     }
 }

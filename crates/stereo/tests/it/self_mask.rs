@@ -23,6 +23,8 @@ use crate::rig::rig;
 fn light() -> RenderOptions {
     RenderOptions {
         light: Light { sun: Vector3::new(0.5, 0.3, 0.8), ambient: 0.15, shadows: true },
+        // Texture of a pixel's width is left out anyway.
+        rays: 1,
         threads: 2,
         ..RenderOptions::default()
     }
