@@ -10,6 +10,7 @@ const BUDGETS = {
   "first path of a step/mixed scenes, automatic": { rate: 1e3 },
   "leg_check/one configuration with tolerances": { ns: 2e3 },
   "leg_ik/all branches of one wheel pose": { ns: 1e3 },
+  "matching 1024 x 768 of 128 disparities/one thread": { ns: 130e6 },
   "polygons of six contacts/regular, conservative, friction, and energy margin": { ns: 30e3 },
   "reach/one leg, 2 cm cells, two threads": { ns: 50e6 },
   "reach/one leg, level ground, 2 cm cells, two threads": { ns: 50e6 },

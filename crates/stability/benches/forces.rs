@@ -97,6 +97,36 @@ fn torque_by_stock_solver(
     problem.solve().ok().and_then(|o| o.into_solution().ok()).map_or(f64::NAN, |s| s.objective())
 }
 
+/// The friction region while one foot goes to and fro: the same sets, kept and anew.
+fn one_foot_moved(c: &mut Criterion) {
+    let contacts = contacts();
+    let cone = ConeModel::default();
+    let mut group = c.benchmark_group("friction region with one foot moved");
+    let sum = contacts.iter().map(|c| c.position.coords).sum::<Vector3<f64>>();
+    let middle = Point3::from(sum / 6.0);
+    let set = |c: &Contact| ForceSet::cone(c, &middle, cone);
+    let ends = [0.0, 0.15].map(|shift| {
+        let position = contacts[2].position + Vector3::new(shift, -0.5 * shift, 0.2 * shift);
+        set(&Contact { position, ..contacts[2] })
+    });
+    let mut sets: Vec<ForceSet> = contacts.iter().map(set).collect();
+    let mut turns = ends.iter().cycle();
+    group.bench_function("all anew (baseline)", |b| {
+        b.iter(|| {
+            sets[2] = turns.next().cloned().unwrap_or_else(|| ends[0].clone());
+            region(black_box(&sets), 1.0)
+        });
+    });
+    let mut kept = KeptRegion::new(sets.clone()).expect("the contacts are sound");
+    group.bench_function("kept", |b| {
+        b.iter(|| {
+            let set = turns.next().cloned().unwrap_or_else(|| ends[0].clone());
+            black_box(&mut kept).moved(2, set).map(|found| found.bearing.len())
+        });
+    });
+    group.finish();
+}
+
 fn polygons(c: &mut Criterion) {
     let contacts = contacts();
     let points: Vec<Point3<f64>> = contacts.iter().map(|c| c.position).collect();
@@ -114,28 +144,6 @@ fn polygons(c: &mut Criterion) {
     });
     group.bench_function("friction region", |b| {
         b.iter(|| region(&cones(black_box(&contacts), cone)?, 1.0));
-    });
-    // One foot goes to and fro: the same sets, kept and anew.
-    let middle = Point3::from(points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / 6.0);
-    let set = |c: &Contact| ForceSet::cone(c, &middle, cone);
-    let ends = [0.0, 0.15].map(|shift| {
-        let position = contacts[2].position + Vector3::new(shift, -0.5 * shift, 0.2 * shift);
-        set(&Contact { position, ..contacts[2] })
-    });
-    let mut sets: Vec<ForceSet> = contacts.iter().map(set).collect();
-    let mut turns = ends.iter().cycle();
-    group.bench_function("friction region with one foot moved, all anew (baseline)", |b| {
-        b.iter(|| {
-            sets[2] = turns.next().cloned().unwrap_or_else(|| ends[0].clone());
-            region(black_box(&sets), 1.0)
-        });
-    });
-    let mut kept = KeptRegion::new(sets.clone()).expect("the contacts are sound");
-    group.bench_function("friction region with one foot moved, kept", |b| {
-        b.iter(|| {
-            let set = turns.next().cloned().unwrap_or_else(|| ends[0].clone());
-            black_box(&mut kept).moved(2, set).map(|found| found.bearing.len())
-        });
     });
     group.bench_function("friction region that survives any loss", |b| {
         b.iter(|| conservative(&cones(black_box(&contacts), cone)?, 1.0));
@@ -203,5 +211,5 @@ fn torques(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(forces, polygons, torques);
+criterion_group!(forces, polygons, one_foot_moved, torques);
 criterion_main!(forces);

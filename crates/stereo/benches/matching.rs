@@ -131,23 +131,24 @@ fn plain_sgm(left: &GrayImage, right: &GrayImage, disparities: usize) -> Vec<u8>
 }
 
 fn frames(c: &mut Criterion) {
-    let mut group = c.benchmark_group("matching");
-    group.sample_size(10);
     for (width, height, disparities) in [(741, 500, 64), (1024, 768, 128)] {
         let [left, right] = pair(width, height);
-        let how = Matching { disparities, ..Matching::default() };
-        let name = format!("{width} x {height}, {disparities} disparities");
-        group.bench_function(&name, |b| {
+        let how = Matching { disparities, threads: 1, ..Matching::default() };
+        // A group for each size: a baseline is one of its own size.
+        let name = format!("matching {width} x {height} of {disparities} disparities");
+        let mut group = c.benchmark_group(&name);
+        group.sample_size(10);
+        group.bench_function("one thread", |b| {
             b.iter(|| match_rectified(black_box(&left), &right, &how, &|| false).unwrap());
         });
-        group.bench_function(format!("{name}: block matcher"), |b| {
+        group.bench_function("block matcher", |b| {
             b.iter(|| block_match(black_box(&left), &right, disparities));
         });
-        group.bench_function(format!("{name}: SGM from the paper"), |b| {
+        group.bench_function("SGM straight from the paper (baseline)", |b| {
             b.iter(|| plain_sgm(black_box(&left), &right, disparities));
         });
+        group.finish();
     }
-    group.finish();
 }
 
 criterion_group!(benches, frames);

@@ -92,7 +92,7 @@ function PlannedCells({ leg, count }: { leg: string; count: ReturnType<typeof pl
   if (of) {
     return of.leg === leg ? (
       <JobRow
-        job={job && { ...job, doing: "Plans to each cell" }}
+        job={job && { ...job, doing: "Plans to cells" }}
         waiting="Waiting for a worker"
         cancel={cancelPlannable}
         testId="plannable"
@@ -116,7 +116,7 @@ function PlannedCells({ leg, count }: { leg: string; count: ReturnType<typeof pl
           title="Plans a step to a reachable cell of each 10 cm square in the background, the nearest first"
           onClick={() => void planToCells(leg, stability)}
         >
-          Plan to each cell
+          Plan to cells
         </button>
       )}
       {failure && <p className="small trouble">{failure}</p>}
