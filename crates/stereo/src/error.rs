@@ -139,6 +139,12 @@ pub enum StereoError {
         /// What is wrong.
         what: &'static str,
     },
+    /// Bytes that are no PNG that is taken, or an image that cannot become one.
+    #[error("the PNG cannot be used: {what}")]
+    Png {
+        /// What is wrong.
+        what: String,
+    },
     /// A table of `robot.toml` that does not parse.
     #[error("the camera pairs of robot.toml do not parse: {message}")]
     Toml {

@@ -10,12 +10,14 @@
 //! - [`matching`]: disparities of a rectified pair, by semi-global matching.
 //! - [`surface`]: points with covariance; [`pair`]: all of it for one pair, with its health.
 //! - [`ray`]: rays against ground and robot; [`render`]: images of simulated cameras, and their truth.
+//! - [`codec`]: images as PNG.
 //! - [`rig`]: the pairs of a robot; [`coverage`]: what they would see, before they are asked.
 //! - [`self_mask`]: which points are the robot itself.
 
 mod cahvor;
 pub mod calibration;
 pub mod camera;
+pub mod codec;
 pub mod coverage;
 pub mod epipolar;
 mod error;

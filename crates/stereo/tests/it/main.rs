@@ -5,6 +5,7 @@
 
 mod calibration;
 mod camera;
+mod codec;
 mod images;
 mod matching;
 mod ray;
