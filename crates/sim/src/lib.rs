@@ -7,8 +7,10 @@
 //! the same calls give the same frames. Frame `world` (z up), meters, radians, newtons.
 //!
 //! - [`settle`]: a configuration in which the rover stands on a map near a wished place;
-//! - [`SimRover`]: commands in, [`Event`]s and [`Frame`]s out, with its own guards and E-stop.
+//! - [`SimRover`]: commands in, [`Event`]s and [`Frame`]s out, with its own guards and E-stop;
+//! - [`Cameras`]: images on order, sent in pieces.
 
+mod cameras;
 mod closure;
 mod command;
 mod frame;
@@ -20,6 +22,10 @@ mod rover;
 mod settle;
 mod stand;
 
+pub use cameras::{
+    CAPTURES_MAX, Cameras, Drawing, Effects, IMAGE_BYTES_MAX, ImageName, ImageOrder, ImageRefusal,
+    ImageWord, KEPT_BYTES_MAX, Missing, PAIRS_MAX, PIECE_BYTES, RATE_BPS, SCALE, Side, scaled,
+};
 pub use command::{
     BODY_KNOTS_MAX, Basis, BodyKnot, Command, ID_LENGTH_MAX, JointKnot, KNOTS_MAX, Motion, Refusal,
     START_TOLERANCE_RAD, TIME_MAX_S, WheelHold,

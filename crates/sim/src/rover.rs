@@ -162,16 +162,9 @@ impl SimRover {
     /// Takes a command. It is refused or begins at once.
     pub fn command(&mut self, command: Command) {
         let Command { id, motion, basis, epoch } = command;
-        if !self.receive(&id) {
+        if !self.admit(&id, epoch) {
             return;
         }
-        if epoch < self.epoch {
-            let (given, highest) = (epoch.unwrap_or(0), self.epoch.unwrap_or(0));
-            let refusal = Refusal::OldAuthority { given, highest };
-            self.tell(&id, Stage::Rejected, Some(refusal.to_string()));
-            return;
-        }
-        self.epoch = epoch;
         if motion == Motion::Stop {
             self.abort("a stop command");
             self.tell(&id, Stage::Completed, None);
@@ -191,6 +184,22 @@ impl SimRover {
             }
             Err(refusal) => self.tell(&id, Stage::Rejected, Some(refusal.to_string())),
         }
+    }
+
+    /// Takes note of a command that moves nothing, as one for the cameras; false if it is a copy or
+    /// came under an authority that has passed on, which is told. Whoever executes it tells the rest.
+    pub fn admit(&mut self, id: &str, epoch: Option<u64>) -> bool {
+        if !self.receive(id) {
+            return false;
+        }
+        if epoch < self.epoch {
+            let (given, highest) = (epoch.unwrap_or(0), self.epoch.unwrap_or(0));
+            let refusal = Refusal::OldAuthority { given, highest };
+            self.tell(id, Stage::Rejected, Some(refusal.to_string()));
+            return false;
+        }
+        self.epoch = epoch;
+        true
     }
 
     /// Stops at once and refuses motion until released. Never refused, however often it comes.
