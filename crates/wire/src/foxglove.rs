@@ -4,6 +4,8 @@
 //! All of it follows from [`RoverTelemetry`] and [`StabilityDerived`], so a live rover and a replay are
 //! drawn the same. Frames: every link is a child of `world`.
 
+mod camera;
+
 use nalgebra::{Isometry3, UnitQuaternion, Vector3 as Vec3};
 use prost::Message;
 use prost_types::{Duration, Timestamp as ProtoTimestamp};
@@ -13,6 +15,11 @@ use crate::check::{At, RequestError};
 use crate::convert;
 use crate::live::{PolygonAnswer, RoverTelemetry, StabilityDerived};
 use crate::time::Timestamp;
+
+pub use camera::{
+    CALIBRATION_SCHEMA, CameraMessages, CameraTopics, IMAGE_SCHEMA, PLACE_SCHEMA, camera_messages,
+    png_of,
+};
 
 /// The generated types.
 #[allow(missing_docs)]

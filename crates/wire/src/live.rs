@@ -11,9 +11,11 @@ use crate::scene::{Pose, RoverState};
 use crate::time::Timestamp;
 
 mod command;
+mod image;
 mod link;
 
 pub use command::*;
+pub use image::*;
 pub use link::*;
 
 /// Names of the channels. The same names serve stream, log and replay.
@@ -36,10 +38,14 @@ pub mod channel {
     pub const EVENT: &str = "event";
     /// [`super::ReachSummary`]: how far the live reachability of all legs is, on each change.
     pub const ROVER_REACH: &str = "rover/reachability";
+    /// [`super::ImageReceived`]: an image of the rover has come whole.
+    pub const IMAGE: &str = "image/received";
+    /// [`crate::reconstruction::ReconstructionRecord`]: a map was made of images.
+    pub const RECONSTRUCTION: &str = "terrain/reconstruction";
     /// [`super::LogGap`]: messages that the flight log lacks (in logs only).
     pub const LOG_GAP: &str = "log/gap";
     /// All channels, in a fixed order.
-    pub const ALL: [&str; 10] = [
+    pub const ALL: [&str; 12] = [
         ROVER_STATE,
         ROVER_STABILITY,
         COMMAND_UPLINK,
@@ -49,6 +55,8 @@ pub mod channel {
         JOB,
         EVENT,
         ROVER_REACH,
+        IMAGE,
+        RECONSTRUCTION,
         LOG_GAP,
     ];
 }
@@ -337,6 +345,8 @@ pub enum CommandBody {
     },
     /// Stop where the rover is and stay in mode `idle`; what was under way is aborted.
     Stop {},
+    /// Take images. Nothing moves; taken in every mode, also while something moves.
+    Image(ImageOrder),
 }
 
 /// What goes up to the rover.
@@ -366,6 +376,8 @@ pub enum Uplink {
     },
     /// The ground is there. A rover that hears nothing for long makes itself safe.
     Heartbeat {},
+    /// What is asked of images that were taken.
+    Image(ImageUp),
     /// Emergency stop: stop at once and refuse motion until released.
     Estop {
         /// Identity of this E-stop (UUID).
@@ -395,6 +407,8 @@ pub enum Downlink {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         detail: Option<String>,
     },
+    /// A part of an image.
+    Image(ImageDown),
 }
 
 /// What the rover says of an uplink.

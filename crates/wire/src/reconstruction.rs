@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use crate::live::{FailedPair, Side, SimulatedCameras};
 use crate::time::Timestamp;
 
 /// Most pairs of one request: each has a bit in the mask of a coverage.
@@ -51,6 +52,23 @@ pub struct CoverageRequest {
     /// Distance of the nodes (m), 0.02 to 1; 0.1 where absent.
     #[serde(default)]
     pub resolution_m: Option<f64>,
+    /// Size of the images that `cost` is for, 0.25 to 1; 0.5 where absent.
+    #[serde(default)]
+    pub scale: Option<f64>,
+    /// Bits of gray that `cost` is for, 4 to 8; 8 where absent.
+    #[serde(default)]
+    pub depth_bits: Option<u8>,
+}
+
+/// What images are likely to cost over the link as it is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ImageCost {
+    /// Bytes on the link, compressed.
+    pub bytes: usize,
+    /// Time that they take of the link (s), beside telemetry; none where it has no rate.
+    pub downlink_s: Option<f64>,
+    /// Time from sending the command until the last image is here (s), without losses.
+    pub total_s: f64,
 }
 
 /// What pairs would see.
@@ -75,6 +93,8 @@ pub struct CoverageAnswer {
     pub raw_bytes: usize,
     /// Time that they take over the link as it is (s); none where it has no rate.
     pub downlink_s: Option<f64>,
+    /// What the images would cost at `scale` and `depth_bits` of the request.
+    pub cost: ImageCost,
 }
 
 /// What one pair would see.
@@ -129,8 +149,14 @@ pub enum PairStage {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ReconstructionRequest {
-    /// Names of the pairs, 1 to 16.
+    /// Names of the pairs that the rover is asked to take images with, at most 16. That is an `image`
+    /// command as any other: staged, armed and sent in the name of who asks.
+    #[serde(default)]
     pub cameras: Vec<String>,
+    /// Images that have been received already, as `capture/pair` (`GET /rover/images` lists them); with
+    /// `cameras` 1 to 16 pairs in all.
+    #[serde(default)]
+    pub images: Vec<String>,
     /// Distance of the nodes (m), 0.02 to 1; 0.05 where absent. All reconstructions that are blended
     /// have the same.
     #[serde(default)]
@@ -138,9 +164,15 @@ pub struct ReconstructionRequest {
     /// Size of the images as a share of the pair's own, 0.25 to 1; 0.5 where absent.
     #[serde(default)]
     pub scale: Option<f64>,
+    /// Bits of gray that the images keep, 4 to 8; 8 where absent.
+    #[serde(default)]
+    pub depth_bits: Option<u8>,
     /// Seed of the simulated sensors' noise; a new one each time where absent.
     #[serde(default)]
     pub seed: Option<u64>,
+    /// What simulated cameras do beside; its `seed` counts where `seed` is absent.
+    #[serde(default)]
+    pub simulated: Option<SimulatedCameras>,
     /// Keep the map that was there before where no pair sees ground; true where absent.
     #[serde(default)]
     pub keep_prior: Option<bool>,
@@ -168,6 +200,9 @@ pub struct ReconstructionAnswer {
     pub keep_prior: bool,
     /// Pair by pair.
     pub pairs: Vec<ReconstructedPair>,
+    /// Pairs of which not all images came.
+    #[serde(default)]
+    pub failed: Vec<FailedPair>,
     /// Nodes whose content changed, and their area (m²).
     pub changed_cells: usize,
     /// Area of the nodes whose content changed (m²).
@@ -185,6 +220,9 @@ pub struct ReconstructionAnswer {
 pub struct ReconstructedPair {
     /// Its name.
     pub name: String,
+    /// The capture that its images are of.
+    #[serde(default)]
+    pub capture: String,
     /// Number of its map among the sources of the blended map; none where it saw nothing.
     pub source: Option<u32>,
     /// Columns and rows of each image (px).
@@ -209,4 +247,86 @@ pub struct ReconstructedPair {
     pub yaw_rad: f64,
     /// True if it could not be fitted and was left where it says it is.
     pub fit_refused: bool,
+}
+
+/// A map that was made of images: all that it takes to make it again from a flight log.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ReconstructionRecord {
+    /// The version of the map that it became, named by its content.
+    pub terrain_version: String,
+    /// Its identity.
+    pub id: String,
+    /// Did it go on from the reconstruction before, rather than begin anew?
+    pub continued: bool,
+    /// The map that was laid beneath by this one; none where there was one already, or none is kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prior_version: Option<String>,
+    /// Was the map from before kept where no pair saw ground?
+    pub keep_prior: bool,
+    /// Distance of the nodes (m).
+    pub resolution_m: f64,
+    /// The pairs in the order that they were blended in, as `capture/pair`.
+    pub images: Vec<String>,
+    /// BLAKE3 of their images in this order, left before right.
+    pub hashes: Vec<[String; 2]>,
+}
+
+/// The images that were received: `GET /rover/images`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ImagesAnswer {
+    /// Newest last.
+    pub captures: Vec<CaptureAnswer>,
+}
+
+/// What has come of one capture.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct CaptureAnswer {
+    /// The capture: identity of its command.
+    pub capture: String,
+    /// `on_the_way`, `complete`, `incomplete`, `let_go` or `refused`.
+    pub state: String,
+    /// Why, where it is not complete.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub why: Option<String>,
+    /// Pair by pair.
+    pub pairs: Vec<CapturedPair>,
+}
+
+/// What has come of the images of a pair.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct CapturedPair {
+    /// `capture/pair`, by which a reconstruction takes it.
+    pub id: String,
+    /// Its name.
+    pub pair: String,
+    /// Are both images here?
+    pub received: bool,
+    /// Bytes that have come.
+    pub bytes: u64,
+    /// Bytes of both images, as far as is known.
+    pub bytes_total: Option<u64>,
+    /// When they were taken, on board.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time: Option<Timestamp>,
+    /// Why they will not come.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub failed: Option<String>,
+    /// Left and right, once they are here.
+    pub images: Vec<CapturedImage>,
+}
+
+/// An image that is here.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct CapturedImage {
+    /// The camera.
+    pub side: Side,
+    /// Where its PNG is.
+    pub url: String,
+    /// Columns and rows (px).
+    pub size_px: [u32; 2],
+    /// Bytes of the PNG.
+    pub bytes: u32,
+    /// BLAKE3 of the PNG.
+    pub hash: String,
 }
