@@ -7,6 +7,7 @@
 //! *Write-ahead*: a command goes to the link only once its uplink message and its event are synced.
 //! An E-stop waits for nothing: neither for the log nor for what waits for the log, which it ends.
 
+mod imaging;
 mod operate;
 mod run;
 mod size;
@@ -17,7 +18,8 @@ use std::sync::Arc;
 use serde::Serialize;
 use tokio::sync::{Notify, oneshot};
 use wire::live::{
-    CommandEvent, CommandRecord, CommandState, Downlink, EventLevel, EventNotice, LinkClass,
+    CommandEvent, CommandRecord, CommandState, Downlink, EventLevel, EventNotice, ImageDown,
+    LinkClass,
     LinkConfig, LinkReport, RoverTelemetry, StabilityDerived, Uplink, channel,
 };
 use wire::resources::LatestFrame;
@@ -26,9 +28,11 @@ use wire::time::Timestamp;
 use crate::adapter::RoverAdapter;
 use crate::bus::{Bus, ChannelMessage};
 use crate::commands::{Authority, AuthorityRules, CommandBook, CommandError, Estop, LightTimes};
+use crate::images::Images;
 use crate::link::{self, Delivered, Direction, DropCause, LinkError, Notice};
 use crate::recorder::{Record, Recorder, RecorderError, RecorderStatus, Written};
 
+pub use imaging::CameraRecords;
 pub use run::{STEP_S, run};
 
 /// Most commands under way at once.
@@ -53,6 +57,10 @@ pub struct Ground {
     /// Time between heartbeats (s); none where absent.
     heartbeat_s: Option<f64>,
     heartbeat: Timestamp,
+    images: Images,
+    cameras: Option<CameraRecords>,
+    /// Channels of cameras, with the number of their messages.
+    topics: BTreeMap<String, (Arc<str>, u64)>,
     recorder: Recorder,
     bus: Bus,
     derive: Derive,
@@ -158,6 +166,9 @@ impl Ground {
             authority: Authority::new(now, AuthorityRules::default(), 0),
             heartbeat_s: None,
             heartbeat: now,
+            images: Images::default(),
+            cameras: None,
+            topics: BTreeMap::new(),
             recorder,
             bus,
             derive,
@@ -209,6 +220,7 @@ impl Ground {
         for arrived in self.down.take_due(now) {
             self.receive(arrived);
         }
+        self.ask_for_images(now);
         self.book.tick(now);
         self.publish_events();
         for notice in self.recorder.take_notices() {
@@ -305,6 +317,8 @@ impl Ground {
             let class = match message {
                 Downlink::Telemetry(_) => LinkClass::Telemetry,
                 Downlink::Ack { .. } => LinkClass::Ack,
+                Downlink::Image(ImageDown::Head(_)) => LinkClass::Housekeeping,
+                Downlink::Image(_) => LinkClass::Bulk,
             };
             let bytes = size::of_downlink(&message);
             if let Err(full) = self.down.offer(onboard.min(at), class, bytes, (onboard, message)) {
@@ -379,7 +393,9 @@ impl Ground {
         let Delivered { item: (onboard, message), sent, arrived, .. } = arrived;
         match message {
             Downlink::Telemetry(frame) => self.receive_frame(onboard, sent, arrived, frame),
+            Downlink::Image(part) => self.receive_image(sent, arrived, part),
             Downlink::Ack { id, stage, detail } => {
+                self.images.acknowledge(arrived, &id, stage, detail.as_deref());
                 let changed = if self.estop.knows(&id) {
                     let changed = self.estop.acknowledged(&id, stage);
                     if changed {

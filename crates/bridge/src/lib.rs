@@ -32,6 +32,7 @@ pub mod clock;
 pub mod commands;
 pub mod doctor;
 pub mod ground;
+pub mod images;
 pub mod link;
 mod marks;
 pub mod reader;

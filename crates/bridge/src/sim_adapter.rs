@@ -1,9 +1,11 @@
 //! The simulated rover behind the link, in process.
 
+mod imaging;
+
 use std::collections::BTreeMap;
 
 use rover::{LegAngles, Robot};
-use sim::{Basis, BodyKnot, Command, Frame, JointKnot, Mode, Motion, SimRover, Stage, WheelHold};
+use sim::{Basis, BodyKnot, Cameras, Command, Event, Frame, JointKnot, Mode, Motion, SimRover, Stage, WheelHold};
 use wire::convert;
 use wire::live::{
     self, AckStage, CommandBody, Downlink, Executing, RoverMode, RoverTelemetry, Uplink,
@@ -26,6 +28,7 @@ pub struct SimAdapter {
     /// Frames due so far; counted, for a sum of tenths drifts.
     n_frames: u64,
     said: Vec<(Timestamp, Downlink)>,
+    cameras: Option<Cameras>,
 }
 
 impl SimAdapter {
@@ -33,7 +36,7 @@ impl SimAdapter {
     pub fn new(now: Timestamp, rover: SimRover) -> SimAdapter {
         let start = now.plus_seconds(-rover.time_s());
         let n_frames = (rover.time_s() / FRAME_PERIOD_S).ceil() as u64;
-        SimAdapter { rover, start, n_frames, said: Vec::new() }
+        SimAdapter { rover, start, n_frames, said: Vec::new(), cameras: None }
     }
 
     /// The rover makes itself safe when it moves and nothing comes up for so long (s); never where
@@ -41,6 +44,12 @@ impl SimAdapter {
     pub fn with_silence_max(mut self, silence_max_s: Option<f64>) -> SimAdapter {
         self.rover.set_silence_max(silence_max_s);
         self.rover.heard_ground();
+        self
+    }
+
+    /// With cameras; without, it refuses to take images.
+    pub fn with_cameras(mut self, cameras: Cameras) -> SimAdapter {
+        self.cameras = Some(cameras);
         self
     }
 
@@ -67,22 +76,27 @@ impl SimAdapter {
     fn run_until(&mut self, time_s: f64) {
         self.rover.advance(time_s - self.rover.time_s());
         self.hear();
+        self.hear_cameras();
     }
 
     /// Takes over what the rover says of its commands.
     fn hear(&mut self) {
         for event in self.rover.take_events() {
-            let stage = match event.stage {
-                Stage::Received => AckStage::Received,
-                Stage::Rejected => AckStage::Rejected,
-                Stage::Started => AckStage::Started,
-                Stage::Completed => AckStage::Completed,
-                Stage::Failed => AckStage::Failed,
-                Stage::Aborted => AckStage::Aborted,
-            };
-            let ack = Downlink::Ack { id: event.id, stage, detail: event.detail };
-            self.said.push((self.time(event.time_s), ack));
+            self.say(event);
         }
+    }
+
+    fn say(&mut self, event: Event) {
+        let stage = match event.stage {
+            Stage::Received => AckStage::Received,
+            Stage::Rejected => AckStage::Rejected,
+            Stage::Started => AckStage::Started,
+            Stage::Completed => AckStage::Completed,
+            Stage::Failed => AckStage::Failed,
+            Stage::Aborted => AckStage::Aborted,
+        };
+        let ack = Downlink::Ack { id: event.id, stage, detail: event.detail };
+        self.said.push((self.time(event.time_s), ack));
     }
 
     fn time(&self, time_s: f64) -> Timestamp {
@@ -131,6 +145,7 @@ impl RoverAdapter for SimAdapter {
             Uplink::Estop { id } => self.rover.estop(&id),
             Uplink::EstopRelease { id } => self.rover.release(&id),
             Uplink::Heartbeat {} => {}
+            Uplink::Image(ask) => self.ask_cameras(ask),
             Uplink::Command {
                 id,
                 body,
@@ -148,6 +163,11 @@ impl RoverAdapter for SimAdapter {
                          {own}: plan again"
                     );
                     self.refuse(id, why);
+                    return;
+                }
+                if let CommandBody::Image(order) = &body {
+                    self.take_images(id, epoch, order);
+                    self.hear();
                     return;
                 }
                 let legs =
@@ -218,5 +238,6 @@ fn motion(robot: &Robot, body: &CommandBody) -> Result<Motion, String> {
             Motion::WheelLine { leg: leg.clone(), center: (*position_m).into() }
         }
         CommandBody::Stop {} => Motion::Stop,
+        CommandBody::Image(_) => return Err("images are no motion".into()),
     })
 }

@@ -2,7 +2,7 @@
 
 use tokio::sync::oneshot;
 use wire::live::{
-    AuthorityReport, CommandRecord, CommandState, DirectionModel, EstopState, EventLevel,
+    AuthorityReport, CommandBody, CommandRecord, CommandState, DirectionModel, EstopState, EventLevel,
     LinkClass, LinkConfig, LinkReport, Uplink, channel,
 };
 use wire::resources::EstopAnswer;
@@ -372,9 +372,16 @@ impl Ground {
         {
             return Err(self.not_sent(now, id, CommandState::Failed, error.into()));
         }
+        let order = match &uplink {
+            Uplink::Command { body: CommandBody::Image(order), .. } => Some(order.clone()),
+            _ => None,
+        };
         if self.offer_up(now, LinkClass::Command, uplink).is_err() {
             let error = CommandError::QueueFull { what: "the link is" };
             return Err(self.not_sent(now, id, CommandState::Failed, error));
+        }
+        if let Some(order) = order {
+            self.images.expect(now, id, &order);
         }
         let unknown = || CommandError::Unknown { id: id.into() };
         self.book.get(id).cloned().ok_or_else(unknown)

@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 
-use wire::live::{CommandBody, Downlink, RoverTelemetry, Uplink};
+use wire::live::{CommandBody, Downlink, ImageDown, ImageUp, RoverTelemetry, Uplink};
 
 /// Sync, addresses, time, sequence, check sum.
 const HEADER: usize = 32;
@@ -18,6 +18,10 @@ pub(super) fn of_uplink(uplink: &Uplink) -> u32 {
             ID + NUMBER + of_body(body) + of_lists(basis_joints_rad)
         }
         Uplink::Heartbeat {} => 0,
+        Uplink::Image(ImageUp::LetGo { .. }) => ID,
+        Uplink::Image(ImageUp::Repeat { missing, .. }) => {
+            ID + missing.iter().map(|parts| NUMBER + 2 * NUMBER * parts.pieces.len()).sum::<usize>()
+        }
         Uplink::Estop { .. } | Uplink::EstopRelease { .. } => ID,
     })
 }
@@ -26,6 +30,7 @@ pub(super) fn of_downlink(downlink: &Downlink) -> u32 {
     bytes(match downlink {
         Downlink::Telemetry(frame) => of_frame(frame),
         Downlink::Ack { detail, .. } => ID + 1 + detail.as_ref().map_or(0, String::len),
+        Downlink::Image(part) => of_image(part),
     })
 }
 
@@ -39,6 +44,24 @@ fn of_body(body: &CommandBody) -> usize {
         }
         CommandBody::WheelLine { .. } => 1 + 3 * NUMBER,
         CommandBody::Stop {} => 1,
+        CommandBody::Image(order) => 1 + 6 * NUMBER + NUMBER * order.pairs.len(),
+    }
+}
+
+/// An image is named by its capture and a number.
+fn of_image(part: &ImageDown) -> usize {
+    let name = ID + NUMBER;
+    match part {
+        ImageDown::Head(head) => {
+            // Time, pose, size, bytes, hash.
+            let state = &head.state;
+            name + 14 * NUMBER + 32 + of_lists(&state.joints_rad) + NUMBER * state.wheels_rad.len()
+        }
+        ImageDown::Piece { data, .. } => name + NUMBER + data.0.len(),
+        ImageDown::End { failed, .. } => {
+            ID + failed.iter().map(|pair| NUMBER + pair.why.len()).sum::<usize>()
+        }
+        ImageDown::Gone { .. } => ID,
     }
 }
 
