@@ -24,7 +24,7 @@ fn messages() -> Vec<Record> {
         json.push_str("\"}");
         let time = Timestamp(1_000_000 * i);
         let json = Bytes::from(json);
-        Record { channel: channel.clone(), sequence: i, log_time: time, publish_time: time, json }
+        Record { channel: channel.clone(), sequence: i, log_time: time, publish_time: time, data: json }
     };
     (0..MESSAGES).map(record).collect()
 }
@@ -54,7 +54,7 @@ fn recorder(c: &mut Criterion) {
                 BufWriter::with_capacity(64 * 1024, std::fs::File::create(&path).unwrap());
             for message in &messages {
                 file.write_all(&message.log_time.0.to_le_bytes()).unwrap();
-                file.write_all(&message.json).unwrap();
+                file.write_all(&message.data).unwrap();
             }
             file.into_inner().unwrap().sync_data().unwrap();
             let _ = std::fs::remove_file(path);

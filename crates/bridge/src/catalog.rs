@@ -4,7 +4,7 @@
 //! characters.
 
 use std::fs::File;
-use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::io::{self, BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use mcap::records::op;
@@ -15,6 +15,11 @@ use crate::clip::{self, ClipNote, Clipped, Selection};
 use crate::reader::{self, IndexedLog, Limits, LogContent, ReadError};
 use crate::recorder::LogFolder;
 use crate::segments::{self, Kind};
+
+mod index;
+
+pub use index::FILE as CATALOG_FILE;
+use index::{Index, Stamp};
 
 /// Times that a log is looked at again because one of its segments was sealed meanwhile.
 const SEALED_MEANWHILE: usize = 4;
@@ -127,6 +132,22 @@ pub fn clip_log(
     })
 }
 
+/// Writes a log as one complete file, whatever the number of its segments: as it is read, so that only
+/// a chunk and the index of the new file are in memory. The files are opened at once, and stay readable
+/// when one of them is sealed meanwhile.
+pub fn copy_log(
+    dir: &Path,
+    id: &str,
+    note: &ClipNote,
+    out: impl Write,
+) -> Result<Clipped, ReadError> {
+    let sources = with_files(dir, id, |files| {
+        let opened = files.iter().map(|path| clip::Source::open(path));
+        Ok(opened.collect::<io::Result<Vec<_>>>()?)
+    })?;
+    clip::copy(sources.into_iter().map(Ok), &Selection::default(), note, out, Limits::default())
+}
+
 /// False if the summary of a file says that nothing of the wished time is in it.
 fn may_hold(path: &Path, selection: &Selection) -> bool {
     let extent = File::open(path).and_then(|file| {
@@ -139,22 +160,31 @@ fn may_hold(path: &Path, selection: &Selection) -> bool {
 }
 
 /// The logs of the folder, newest first; `open` is the one being written, as the recorder has it.
-/// A file that cannot be read is listed with no messages. A missing folder has no logs.
+/// A file that cannot be read is listed with no messages. A missing folder has no logs. What is known of
+/// files that have not changed comes from the catalog beside them.
 pub fn list_logs(dir: &Path, open: Option<&LogInfo>) -> io::Result<Vec<LogInfo>> {
     let entries = match std::fs::read_dir(dir) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
         entries => entries?,
     };
     let mut logs = Vec::new();
+    let mut index = Index::open(dir);
     for entry in entries {
         let name = entry?.file_name();
         let Some(name) = name.to_str() else { continue };
         let id = name.strip_suffix(".mcap").unwrap_or(name);
         match open.filter(|open| open.id == id && open.open) {
             Some(open) => logs.push(open.clone()),
-            None => logs.extend(log_info(dir, id).ok()),
+            None => {
+                let of_file = |path: &Path| {
+                    let stamp = Stamp::of(&std::fs::metadata(path)?);
+                    index.extent(path, stamp, || file_extent(path)).map(|e| (stamp.size, e))
+                };
+                logs.extend(info_of(dir, id, of_file).ok());
+            }
         }
     }
+    index.keep();
     logs.sort_by(|a, b| (b.start, &b.id).cmp(&(a.start, &a.id)));
     Ok(logs)
 }
@@ -162,17 +192,21 @@ pub fn list_logs(dir: &Path, open: Option<&LogInfo>) -> io::Result<Vec<LogInfo>>
 /// What the list says of one log: from the summaries, or from a walk along the chunks. Where a log
 /// is torn, the count may lack the messages of the last chunk.
 pub fn log_info(dir: &Path, id: &str) -> Result<LogInfo, ReadError> {
+    info_of(dir, id, |path| Ok((std::fs::metadata(path)?.len(), file_extent(path)?)))
+}
+
+/// What a log's files, each by its size and extent, make together.
+fn info_of(
+    dir: &Path,
+    id: &str,
+    mut of_file: impl FnMut(&Path) -> io::Result<(u64, Extent)>,
+) -> Result<LogInfo, ReadError> {
     with_files(dir, id, |files| {
         let none = Extent { start: u64::MAX, end: 0, messages: 0 };
         let (mut all, mut size) = (none, 0);
         for path in files {
-            let mut file = BufReader::new(File::open(path)?);
-            let bytes = file.get_ref().metadata()?.len();
+            let (bytes, found) = of_file(path)?;
             size += bytes;
-            let found = match summary_extent(&mut file, bytes)? {
-                Some(extent) => extent,
-                None => walk_extent(&mut file, bytes)?,
-            };
             if found.messages > 0 {
                 all.start = all.start.min(found.start);
                 all.end = all.end.max(found.end);
@@ -186,10 +220,21 @@ pub fn log_info(dir: &Path, id: &str) -> Result<LogInfo, ReadError> {
     })
 }
 
+/// What a file holds: times of its first and last message (ns), and their number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Extent {
     start: u64,
     end: u64,
     messages: u64,
+}
+
+fn file_extent(path: &Path) -> io::Result<Extent> {
+    let mut file = BufReader::new(File::open(path)?);
+    let bytes = file.get_ref().metadata()?.len();
+    match summary_extent(&mut file, bytes)? {
+        Some(extent) => Ok(extent),
+        None => walk_extent(&mut file, bytes),
+    }
 }
 
 /// What the statistics say, in a file that was closed.

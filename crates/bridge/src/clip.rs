@@ -3,8 +3,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
-use std::io::{self, BufReader, Write};
-use std::path::PathBuf;
+use std::io::{self, BufReader, Read, Write};
+use std::path::{Path, PathBuf};
 
 use wire::time::Timestamp;
 
@@ -55,10 +55,27 @@ pub struct Clipped {
     pub damage: Vec<Damage>,
 }
 
+/// A file to copy from.
+#[derive(Debug)]
+pub struct Source {
+    file: File,
+    /// What was there when it was opened: more may be written to it.
+    size: u64,
+}
+
+impl Source {
+    /// Opens a file, as far as it is written now.
+    pub fn open(path: &Path) -> io::Result<Source> {
+        let file = File::open(path)?;
+        let size = file.metadata()?.len();
+        Ok(Source { file, size })
+    }
+}
+
 /// Copies what is selected of the files of a log, in order, to a new file. Also the way to make a
 /// complete file out of a damaged one: everything that can be read, selected.
 pub fn copy(
-    files: &[PathBuf],
+    sources: impl IntoIterator<Item = io::Result<Source>>,
     selection: &Selection,
     note: &ClipNote,
     out: impl Write,
@@ -69,9 +86,10 @@ pub fn copy(
         writer.metadata(CLIP, note.texts.clone())?;
     }
     let (mut damage, mut said) = (Vec::new(), BTreeSet::new());
-    for path in files {
+    for source in sources {
         let mut outcome = Ok(());
-        let source = BufReader::with_capacity(256 * 1024, File::open(path)?);
+        let Source { file, size } = source?;
+        let source = BufReader::with_capacity(256 * 1024, file.take(size));
         let met = reader::scan_items(source, limits, |item| {
             if selection.takes(&item) && is_new(&item, &mut said) {
                 outcome = writer.take(&item);
@@ -79,7 +97,6 @@ pub fn copy(
             outcome.is_ok()
         })?;
         outcome?;
-        let size = path.metadata()?.len();
         // A file that is still written ends where it ends.
         damage.extend(met.into_iter().filter(|d| *d != Damage::Torn { at: size }));
     }
@@ -103,13 +120,14 @@ pub fn copy_to(
     files: &[PathBuf],
     selection: &Selection,
     note: &ClipNote,
-    out: &std::path::Path,
+    out: &Path,
     limits: Limits,
 ) -> Result<Clipped, ReadError> {
     let name = out.file_name().ok_or_else(|| io::Error::other("the path names no file"))?;
     let draft = out.with_file_name(format!(".{}.draft", name.to_string_lossy()));
     let clipped = File::create(&draft).map_err(ReadError::from).and_then(|file| {
-        let clipped = copy(files, selection, note, &file, limits)?;
+        let sources = files.iter().map(|path| Source::open(path));
+        let clipped = copy(sources, selection, note, &file, limits)?;
         file.sync_all()?;
         std::fs::rename(&draft, out)?;
         Ok(clipped)

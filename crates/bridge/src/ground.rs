@@ -31,6 +31,7 @@ use crate::commands::{Authority, AuthorityRules, CommandBook, CommandError, Esto
 use crate::images::Images;
 use crate::link::{self, Delivered, Direction, DropCause, LinkError, Notice};
 use crate::recorder::{Record, Recorder, RecorderError, RecorderStatus, Written};
+use crate::views::Views;
 
 pub use imaging::CameraRecords;
 pub use run::{STEP_S, run};
@@ -73,6 +74,7 @@ pub struct Ground {
     link_reported: Option<Timestamp>,
     latest: Option<LatestFrame>,
     stability: Option<StabilityDerived>,
+    views: Option<Views>,
 }
 
 struct Pending {
@@ -180,7 +182,14 @@ impl Ground {
             link_reported: None,
             latest: None,
             stability: None,
+            views: None,
         })
+    }
+
+    /// Has what stock viewers draw logged, too. To be called first; the recorder must have been given
+    /// [`crate::views::channels`].
+    pub fn log_views(&mut self, views: Views) {
+        self.views = Some(views);
     }
 
     /// How authority is given, and how often the rover is told that the ground is there (s).
@@ -425,6 +434,11 @@ impl Ground {
         if let Some(derived) = &stability {
             self.put(channel::ROVER_STABILITY, onboard, sent, arrived, derived);
         }
+        if let Some(views) = &mut self.views {
+            let records = views.of(onboard, self.latest_log_time, &frame, stability.as_ref());
+            // What can be drawn again gives way before telemetry does.
+            records.into_iter().for_each(|record| self.recorder.record_bulk(record));
+        }
         if let Some(executing) = &frame.executing {
             self.book.progress(arrived, executing);
         }
@@ -522,7 +536,7 @@ fn record_of(message: &ChannelMessage) -> Record {
         sequence: message.sequence,
         log_time: message.received_time,
         publish_time: message.onboard_time,
-        json: message.json.clone(),
+        data: message.json.clone(),
     }
 }
 

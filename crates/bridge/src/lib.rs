@@ -16,6 +16,7 @@
 //! - [`recorder`]: one thread that owns the log file; what is acknowledged is on the disk.
 //! - [`seal`], [`recover`], [`doctor`]: complete files out of what was written, also after a crash.
 //! - [`reader`], [`catalog`]: reading any MCAP file, also a hostile one, within stated limits.
+//! - [`views`]: what stock viewers draw of a log, in the log.
 //! - [`replay`]: a log played through the same channels.
 //! - [`bus`]: every message, encoded once, for all listeners in the process.
 //! - [`ground`]: [`ground::Ground`] ties these together; [`ground::run`] drives it.
@@ -44,3 +45,4 @@ pub mod seal;
 pub mod segments;
 pub mod sim_adapter;
 pub mod verify;
+pub mod views;

@@ -71,8 +71,8 @@ pub struct Record {
     pub log_time: Timestamp,
     /// When it was true: on board for what the rover sent.
     pub publish_time: Timestamp,
-    /// The message, as JSON text.
-    pub json: Bytes,
+    /// The message: JSON text, or protobuf on a channel that is one of it.
+    pub data: Bytes,
 }
 
 /// The schema of a channel, for readers of the log.
@@ -86,6 +86,17 @@ pub struct ChannelSchema {
     pub schema_json: String,
 }
 
+/// A channel whose messages are protobuf.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ProtobufChannel {
+    /// The channel.
+    pub channel: String,
+    /// Full name of the messages' type.
+    pub schema_name: String,
+    /// A `FileDescriptorSet` with that type and all that it uses.
+    pub descriptors: Bytes,
+}
+
 /// What a recorder is started with.
 #[derive(Debug, Clone)]
 pub struct RecorderOptions {
@@ -93,8 +104,10 @@ pub struct RecorderOptions {
     pub start: Timestamp,
     /// Kept in each segment as metadata record `footfall`.
     pub metadata: BTreeMap<String, String>,
-    /// Schemas by channel. A channel without one is written without.
+    /// Schemas by channel. A channel without one is JSON, and written without.
     pub schemas: Vec<ChannelSchema>,
+    /// Channels whose messages are not JSON.
+    pub protobuf: Vec<ProtobufChannel>,
     /// A segment ends at this size (bytes) …
     pub segment_bytes: u64,
     /// … or after this time (s), by the times of its messages.
@@ -111,6 +124,7 @@ impl Default for RecorderOptions {
             start: Timestamp(0),
             metadata: BTreeMap::new(),
             schemas: Vec::new(),
+            protobuf: Vec::new(),
             segment_bytes: 256 << 20,
             segment_s: 900.0,
             reserve_bytes: 64 << 20,

@@ -13,6 +13,7 @@ use bridge::bus::Bus;
 use bridge::clock::Clock;
 use bridge::ground::{self, Ground};
 use bridge::recorder::{ChannelSchema, Recorder, RecorderOptions};
+use bridge::views::{self, VIEWS_HZ, Views};
 use bridge::sim_adapter::SimAdapter;
 use terrain::ElevationMap;
 use tokio::net::TcpListener;
@@ -276,6 +277,7 @@ fn live(
         Ground::new(now, adapter, config.link.clone(), recorder, Bus::new(BUS_CAPACITY), derive)
             .map_err(|error| RequestError::new("out_of_range", error.to_string()))?;
     ground.configure(config.commands.authority_rules(), config.commands.heartbeat_s());
+    ground.log_views(Views::new(robot.clone(), VIEWS_HZ));
     let unknown = ground.restore(now, earlier);
     if unknown > 0 {
         let text = format!(
@@ -311,8 +313,13 @@ fn recorder(
         ("terrain_version".to_owned(), version_name(map)),
         ("terrain_source".to_owned(), source_text(map)),
     ]);
-    let options =
-        RecorderOptions { start: now, metadata, schemas: schemas(), ..RecorderOptions::default() };
+    let options = RecorderOptions {
+        start: now,
+        metadata,
+        schemas: schemas(),
+        protobuf: views::channels(),
+        ..RecorderOptions::default()
+    };
     Recorder::start(&config.server.logs_dir, options).map_err(|error| StartError::Log {
         folder: config.server.logs_dir.display().to_string(),
         reason: error.to_string(),

@@ -183,6 +183,25 @@ impl IndexedLog {
         Ok(Some(messages))
     }
 
+    /// All command events of the log, in order: of each file from its own list where it has one, else
+    /// from the chunks that hold some.
+    pub fn command_events(&mut self) -> Result<Vec<LogMessage>, ReadError> {
+        let mut events = Vec::new();
+        for file in 0..self.files.len() {
+            if let Some(of_file) = self.commands_of(file)? {
+                events.extend(of_file);
+                continue;
+            }
+            let list = self.pieces_of(channel::COMMAND_EVENT).iter().map(|&piece| piece as usize);
+            let of_file = |piece: &usize| self.pieces[*piece].file == file;
+            for piece in list.filter(of_file).collect::<Vec<_>>() {
+                let messages = self.read(piece)?.into_iter();
+                events.extend(messages.filter(|m| *m.channel == *channel::COMMAND_EVENT));
+            }
+        }
+        Ok(events)
+    }
+
     /// Damage is noted once, however often a place is read.
     fn note(&mut self, damage: Damage) {
         if !self.damage.contains(&damage) && self.damage.len() < PIECE {

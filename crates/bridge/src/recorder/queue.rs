@@ -80,14 +80,14 @@ struct Waiting {
 
 impl Waiting {
     fn push(&mut self, number: u64, record: Record) {
-        self.bytes += record.json.len() + OVERHEAD_BYTES;
+        self.bytes += record.data.len() + OVERHEAD_BYTES;
         self.records.push_back((number, record));
     }
 
     /// Takes the oldest out where more than `most` bytes wait.
     fn surplus(&mut self, most: usize) -> Option<Record> {
         let (_, oldest) = (self.bytes > most).then(|| self.records.pop_front())??;
-        self.bytes -= oldest.json.len() + OVERHEAD_BYTES;
+        self.bytes -= oldest.data.len() + OVERHEAD_BYTES;
         Some(oldest)
     }
 }
@@ -109,7 +109,7 @@ impl Queue {
         if state.ended {
             return state.drop_one(&record, GapReason::Ended);
         }
-        if record.json.len() > RECORD_BYTES_MAX {
+        if record.data.len() > RECORD_BYTES_MAX {
             return state.drop_one(&record, GapReason::TooLarge);
         }
         let number = state.number();
@@ -130,8 +130,8 @@ impl Queue {
         if state.ended {
             return Err(RecorderError::Ended);
         }
-        if item.record.json.len() > RECORD_BYTES_MAX {
-            return Err(RecorderError::TooLarge { bytes: item.record.json.len() });
+        if item.record.data.len() > RECORD_BYTES_MAX {
+            return Err(RecorderError::TooLarge { bytes: item.record.data.len() });
         }
         if state.durable.len() >= DURABLE_MAX {
             return Err(RecorderError::QueueFull);

@@ -57,6 +57,13 @@ impl Write for Out {
     }
 }
 
+/// A channel to be written: name, encoding, and the schema by name, encoding and content.
+struct New<'a> {
+    channel: &'a str,
+    encoding: &'a str,
+    schema: Option<(&'a str, &'a str, &'a [u8])>,
+}
+
 impl Segment {
     /// Makes the file, with everything that is known before the first message, and syncs it and its
     /// name. Leaves nothing behind where it fails.
@@ -103,33 +110,38 @@ impl Segment {
         // First of all: recovery reads what it says of the segments before.
         let session = marks::record(marks::SESSION, metadata);
         segment.mcap.write_metadata(&session).map_err(io_error)?;
-        let mut new = Vec::new();
-        for schema in &options.schemas {
-            new.push((&*schema.channel, Some((&*schema.name, &*schema.schema_json))));
-        }
-        segment.add_channels(&new)?;
+        let json = options.schemas.iter().map(|schema| New {
+            channel: &schema.channel,
+            encoding: "json",
+            schema: Some((&schema.name, "jsonschema", schema.schema_json.as_bytes())),
+        });
+        let protobuf = options.protobuf.iter().map(|of| New {
+            channel: &of.channel,
+            encoding: "protobuf",
+            schema: Some((&of.schema_name, "protobuf", &of.descriptors)),
+        });
+        segment.add_channels(&json.chain(protobuf).collect::<Vec<_>>())?;
         segment.sync()?;
         Ok(segment)
     }
 
-    /// Channels by name, each with the name and the text of its schema.
-    fn add_channels(&mut self, new: &[(&str, Option<(&str, &str)>)]) -> io::Result<()> {
+    fn add_channels(&mut self, new: &[New<'_>]) -> io::Result<()> {
         let first = self.channels.len() as u16 + 1;
         let numbered = || (first..).zip(new);
-        for mark in marks::channels(numbered().map(|(id, (channel, _))| (id, *channel, "json"))) {
+        for mark in marks::channels(numbered().map(|(id, new)| (id, new.channel, new.encoding))) {
             self.mcap.write_metadata(&mark).map_err(io_error)?;
         }
-        for (id, (channel, schema)) in numbered() {
-            let schema_id = match schema {
-                Some((name, text)) => {
-                    self.mcap.add_schema(name, "jsonschema", text.as_bytes()).map_err(io_error)?
+        for (id, new) in numbered() {
+            let schema_id = match new.schema {
+                Some((name, encoding, data)) => {
+                    self.mcap.add_schema(name, encoding, data).map_err(io_error)?
                 }
                 None => 0,
             };
             self.mcap
-                .add_channel_with_id(id, schema_id, channel, "json", &BTreeMap::new())
+                .add_channel_with_id(id, schema_id, new.channel, new.encoding, &BTreeMap::new())
                 .map_err(io_error)?;
-            self.channels.insert((*channel).into(), id);
+            self.channels.insert(new.channel.into(), id);
         }
         Ok(())
     }
@@ -140,7 +152,8 @@ impl Segment {
             let channel_id = match self.channels.get(&record.channel) {
                 Some(&id) => id,
                 None => {
-                    self.add_channels(&[(&record.channel, None)])?;
+                    let channel = &record.channel;
+                    self.add_channels(&[New { channel, encoding: "json", schema: None }])?;
                     self.channels.len() as u16
                 }
             };
@@ -151,7 +164,7 @@ impl Segment {
                 log_time: record.log_time.0,
                 publish_time: record.publish_time.0,
             };
-            self.mcap.write_to_known_channel(&header, &record.json).map_err(io_error)?;
+            self.mcap.write_to_known_channel(&header, &record.data).map_err(io_error)?;
             self.start.get_or_insert(record.log_time);
         }
         self.sync()

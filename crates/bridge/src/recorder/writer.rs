@@ -194,7 +194,7 @@ impl Writer {
                 sequence: self.gap_sequence,
                 log_time,
                 publish_time: gap.to,
-                json: json.into(),
+                data: json.into(),
             });
         }
         records
@@ -290,8 +290,8 @@ impl Writer {
         let log_time = self.end.unwrap_or(self.options.start);
         for notice in self.queue.take_notices() {
             let Ok(json) = serde_json::to_vec(&notice) else { continue };
-            let (channel, json) = (channel::EVENT.into(), json.into());
-            let record = Record { channel, sequence: 0, log_time, publish_time: log_time, json };
+            let (channel, data) = (channel::EVENT.into(), json.into());
+            let record = Record { channel, sequence: 0, log_time, publish_time: log_time, data };
             notices.push(Item { record, class: Class::Durable, written: None });
         }
         self.commit(notices);

@@ -29,7 +29,9 @@ pub fn snapshot(
     pieces: &mut Pieces,
     next: (usize, usize),
 ) -> Result<Vec<ChannelMessage>, ReplayError> {
-    let topics: Vec<Arc<str>> = pieces.log.channels().map(|(topic, _)| topic.clone()).collect();
+    // Views are drawn anew; a search for them would find nothing that is played.
+    let played = pieces.log.channels().filter(|(_, encoding)| ***encoding == *"json");
+    let topics: Vec<Arc<str>> = played.map(|(topic, _)| topic.clone()).collect();
     let mut shown = Vec::new();
     for topic in topics.iter().filter(|topic| !HAPPENINGS.contains(&&***topic)) {
         shown.extend(latest(pieces, topic, next)?);

@@ -58,7 +58,7 @@ fn a_log_reads_back_as_it_was_recorded() {
     assert_eq!(content.damage, []);
     assert_eq!(content.messages.len(), records.len());
     for (read, written) in content.messages.iter().zip(&records) {
-        assert_eq!((&read.channel, &read.data), (&written.channel, &written.json));
+        assert_eq!((&read.channel, &read.data), (&written.channel, &written.data));
         assert_eq!((read.log_time, read.publish_time), (written.log_time, written.publish_time));
         assert_eq!(u64::from(read.sequence), written.sequence);
     }
@@ -115,7 +115,7 @@ fn a_log_cut_off_at_any_byte_gives_every_batch_before_the_cut() {
         let batches = safe.iter().filter(|&&size| size <= cut).count();
         let expected = &records[..content.messages.len()];
         assert!(content.messages.len() >= batches * 10, "cut at {cut}");
-        assert!(content.messages.iter().zip(expected).all(|(a, b)| a.data == b.json));
+        assert!(content.messages.iter().zip(expected).all(|(a, b)| a.data == b.data));
         assert!(matches!(content.damage[..], [Damage::Torn { .. }]), "cut at {cut} is told");
     }
 }

@@ -44,7 +44,7 @@ fn what_comes_out_is_byte_for_byte_what_was_recorded() {
     }
     assert_eq!(out.len(), records.len());
     for (given, recorded) in out.iter().zip(&records) {
-        assert_eq!((&given.channel, &given.json), (&recorded.channel, &recorded.json));
+        assert_eq!((&given.channel, &given.json), (&recorded.channel, &recorded.data));
         assert_eq!(given.sequence, recorded.sequence);
         assert_eq!(given.received_time, recorded.log_time);
         assert_eq!(given.onboard_time, recorded.publish_time);
@@ -234,7 +234,7 @@ fn a_log_of_many_segments_is_replayed_byte_for_byte() {
     while !replay.state(wall(seconds)).ended {
         for given in replay.advance(wall(seconds)).unwrap() {
             let recorded = expected.next().unwrap();
-            assert_eq!((&given.channel, &given.json), (&recorded.channel, &recorded.json));
+            assert_eq!((&given.channel, &given.json), (&recorded.channel, &recorded.data));
             let times = (given.sequence, given.received_time, given.onboard_time);
             assert_eq!(times, (recorded.sequence, recorded.log_time, recorded.publish_time));
         }
@@ -253,7 +253,7 @@ fn a_log_of_many_segments_is_replayed_byte_for_byte() {
             let key = match &*record.channel {
                 "event" => continue,
                 "command/event" => {
-                    let value: serde_json::Value = serde_json::from_slice(&record.json).unwrap();
+                    let value: serde_json::Value = serde_json::from_slice(&record.data).unwrap();
                     value["command"]["id"].as_str().unwrap().to_owned()
                 }
                 channel => channel.to_owned(),
@@ -269,7 +269,7 @@ fn a_log_of_many_segments_is_replayed_byte_for_byte() {
         let next = replay.step(wall(seconds)).unwrap();
         assert_eq!(
             next.map(|m| m.json),
-            records.iter().find(|r| r.log_time > at).map(|r| r.json.clone())
+            records.iter().find(|r| r.log_time > at).map(|r| r.data.clone())
         );
     }
 }

@@ -57,7 +57,7 @@ pub fn record(channel: &str, sequence: u64, at: Timestamp, json: String) -> Reco
         sequence,
         log_time: at,
         publish_time: at.plus_seconds(-1.3),
-        json: json.into(),
+        data: json.into(),
     }
 }
 

@@ -11,6 +11,7 @@ use bridge::clip::{ClipNote, Selection};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 use wire::resources::{Bookmark, BookmarkList, BookmarkRequest, ClipRequest, ErrorBody, LogInfo};
+use wire::time::Timestamp;
 
 use crate::app::AppState;
 use crate::body::{Body, Operator, Path};
@@ -55,6 +56,20 @@ async fn blocking<T: Send + 'static>(
     tokio::task::spawn_blocking(work).await.map_err(|error| ApiError::internal(what, error))?
 }
 
+/// The bookmarks of a log that touch a stretch of it, as they are attached to what is made of that.
+pub fn marks_within(
+    folder: &std::path::Path,
+    id: &str,
+    from: Option<Timestamp>,
+    to: Option<Timestamp>,
+) -> Result<Option<Vec<u8>>, BookmarkError> {
+    let mut marks = bookmarks::list(folder, id)?;
+    marks.bookmarks.retain(|b: &Bookmark| {
+        from.is_none_or(|from| from <= b.until.unwrap_or(b.at)) && to.is_none_or(|to| b.at <= to)
+    });
+    Ok(serde_json::to_vec(&marks).ok().filter(|_| !marks.bookmarks.is_empty()))
+}
+
 /// Makes a part of a log a log of its own, with the bookmarks of that part. It is listed, played and
 /// downloaded as any other; its messages are those of the log, byte for byte.
 #[utoipa::path(
@@ -76,13 +91,8 @@ async fn make_clip(
     let made = app.clock.now();
     let clip = format!("clip-{}", uuid::Uuid::now_v7());
     let info = blocking("making the clip", move || {
-        let inside = |b: &Bookmark| {
-            from.is_none_or(|from| from <= b.until.unwrap_or(b.at))
-                && to.is_none_or(|to| b.at <= to)
-        };
-        let mut marks = bookmarks::list(&folder, &id)?;
-        marks.bookmarks.retain(inside);
-        let text = |time: Option<wire::time::Timestamp>| time.map(|t| t.to_rfc3339());
+        let marks = marks_within(&folder, &id, from, to)?;
+        let text = |time: Option<Timestamp>| time.map(|t| t.to_rfc3339());
         let mut texts = BTreeMap::from([
             ("log".to_owned(), id.clone()),
             ("who".to_owned(), who),
@@ -90,7 +100,6 @@ async fn make_clip(
         ]);
         texts.extend(text(from).map(|text| ("from".to_owned(), text)));
         texts.extend(text(to).map(|text| ("to".to_owned(), text)));
-        let marks = serde_json::to_vec(&marks).ok().filter(|_| !marks.bookmarks.is_empty());
         let note = ClipNote { texts, bookmarks: marks };
         let channels = channels.map(|names| names.into_iter().collect());
         let selection = Selection { from, to, channels };

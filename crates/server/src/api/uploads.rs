@@ -1,12 +1,18 @@
 //! Uploads of terrain files, and downloads of logs: long, and not held to the time of an answer.
 
+use std::collections::BTreeMap;
+use std::io::BufWriter;
+
 use axum::Json;
 use axum::body::Body;
 use axum::extract::{Request, State};
 use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use bridge::catalog;
+use bridge::clip::ClipNote;
+use bytes::Bytes;
 use http_body_util::BodyExt;
+use http_body_util::channel::{Channel, Sender};
 use terrain::formats::EXTENSIONS;
 use tokio::io::AsyncWriteExt;
 use tower::ServiceExt;
@@ -94,7 +100,55 @@ async fn put_file(
     Ok(Json(TerrainFile { name, size }))
 }
 
-/// A flight log as an MCAP file; the one being written as far as it is safe on the disk.
+/// Pieces of a download that wait for the network.
+const PIECES_MAX: usize = 4;
+/// Size of a piece (bytes).
+const PIECE_BYTES: usize = 256 << 10;
+
+/// The network as a place to write to, for a thread that may wait. Fails once nobody reads.
+struct Pieces {
+    sender: Sender<Bytes, std::io::Error>,
+    runtime: tokio::runtime::Handle,
+}
+
+impl std::io::Write for Pieces {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let piece = Bytes::copy_from_slice(&bytes[..bytes.len().min(PIECE_BYTES)]);
+        let size = piece.len();
+        let sent = self.runtime.block_on(self.sender.send_data(piece));
+        sent.map_err(|_| std::io::Error::other("whoever asked for the log has gone away"))?;
+        Ok(size)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// A log of several segments, made one file on the way. Where that fails, the answer is cut off: the
+/// file lacks its end, and says so to every reader.
+fn merged(folder: std::path::PathBuf, id: String) -> Body {
+    let (sender, body) = Channel::new(PIECES_MAX);
+    let runtime = tokio::runtime::Handle::current();
+    tokio::task::spawn_blocking(move || {
+        let mut out = BufWriter::with_capacity(PIECE_BYTES, Pieces { sender, runtime });
+        let note = ClipNote {
+            texts: BTreeMap::from([("log".to_owned(), id.clone())]),
+            bookmarks: super::log_notes::marks_within(&folder, &id, None, None).unwrap_or_default(),
+        };
+        let copied = catalog::copy_log(&folder, &id, &note, &mut out);
+        let flushed = copied.and_then(|_| Ok(std::io::Write::flush(&mut out)?));
+        let (Pieces { sender, .. }, _) = out.into_parts();
+        if let Err(error) = flushed {
+            tracing::warn!("the download of the log {id} was cut off: {error}");
+            sender.abort(std::io::Error::other(error));
+        }
+    });
+    Body::new(body)
+}
+
+/// A flight log as one MCAP file, with the bookmarks where it has several segments; the one being
+/// written as far as it is safe on the disk.
 #[utoipa::path(
     get, path = "/logs/{id}/download", tag = "logs",
     params(("id" = String, Path, description = "The log")),
@@ -108,10 +162,14 @@ async fn download(
     Path(id): Path<String>,
     request: Request,
 ) -> Result<Response, ApiError> {
-    let path = catalog::log_path(&app.config.server.logs_dir, &id)?;
-    let served = ServeFile::new(path).oneshot(request).await;
-    let mut response =
-        served.map_err(|error| ApiError::internal("the log", error))?.into_response();
+    let folder = &app.config.server.logs_dir;
+    let mut response = match &catalog::log_files(folder, &id)?[..] {
+        [path] => {
+            let served = ServeFile::new(path).oneshot(request).await;
+            served.map_err(|error| ApiError::internal("the log", error))?.into_response()
+        }
+        _ => merged(folder.clone(), id.clone()).into_response(),
+    };
     let headers = response.headers_mut();
     headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/x-mcap"));
     if let Ok(name) = HeaderValue::from_str(&format!("attachment; filename=\"{id}.mcap\"")) {

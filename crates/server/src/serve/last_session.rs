@@ -1,13 +1,13 @@
 //! What the last session left open, from its log.
 
-use std::io::BufReader;
 use std::path::Path;
 
 use bridge::catalog;
-use bridge::reader::{self, Limits, LogMessage, ReadError};
-use wire::live::{CommandEvent, channel};
+use bridge::reader::Limits;
+use wire::live::CommandEvent;
 
-/// The events of all commands of the newest log, in order; none where there is none. A log with damage
+/// The events of all commands of the newest log, in order; none where there is none. By the index: of what is
+/// sealed, nothing else is read. A log with damage
 /// gives what can be read: whatever it has lost was not acknowledged, or is told as damage.
 pub fn commands(dir: &Path) -> Vec<CommandEvent> {
     let newest = match catalog::list_logs(dir, None) {
@@ -18,37 +18,21 @@ pub fn commands(dir: &Path) -> Vec<CommandEvent> {
         }
     };
     let Some(log) = newest else { return Vec::new() };
-    let files = match catalog::log_files(dir, &log.id) {
-        Ok(files) => files,
-        Err(error) => {
-            tracing::warn!("the log {} of the last session cannot be opened: {error}", log.id);
-            return Vec::new();
-        }
-    };
-    let mut events = Vec::new();
-    let mut n_bad = 0;
-    for path in files {
-        let take = |message: LogMessage| {
-            if &*message.channel == channel::COMMAND_EVENT {
-                match serde_json::from_slice::<CommandEvent>(&message.data) {
-                    Ok(event) => events.push(event),
-                    Err(_) => n_bad += 1,
-                }
-            }
-            true
-        };
-        let opened = std::fs::File::open(&path).map_err(ReadError::from);
-        let read = opened.and_then(|file| {
-            reader::scan(BufReader::with_capacity(256 * 1024, file), Limits::default(), take)
+    let read = catalog::open_log(dir, &log.id, Limits::default()).and_then(|mut opened| {
+        let messages = opened.command_events()?;
+        opened.damage().iter().for_each(|damage| {
+            tracing::warn!("the log {} of the last session is damaged: {damage}", log.id);
         });
-        let name = path.display();
-        match read {
-            Ok(damage) => damage.iter().for_each(|damage| {
-                tracing::warn!("{name} of the last session is damaged: {damage}");
-            }),
-            Err(error) => tracing::warn!("{name} of the last session cannot be read: {error}"),
-        }
-    }
+        Ok(messages)
+    });
+    let messages = read.unwrap_or_else(|error| {
+        tracing::warn!("the log {} of the last session cannot be read: {error}", log.id);
+        Vec::new()
+    });
+    let n_all = messages.len();
+    let parse = |data: &[u8]| serde_json::from_slice::<CommandEvent>(data).ok();
+    let events: Vec<_> = messages.iter().filter_map(|message| parse(&message.data)).collect();
+    let n_bad = n_all - events.len();
     if n_bad > 0 {
         tracing::warn!("{n_bad} command events of the log {} cannot be read", log.id);
     }
