@@ -18,7 +18,7 @@ use std::sync::Arc;
 use serde::Serialize;
 use tokio::sync::{Notify, oneshot};
 use wire::live::{
-    CommandEvent, CommandRecord, CommandState, Downlink, EventLevel, EventNotice, ImageDown,
+    AckStage, CommandEvent, CommandRecord, CommandState, Downlink, EventLevel, EventNotice, ImageDown,
     LinkClass,
     LinkConfig, LinkReport, RoverTelemetry, StabilityDerived, Uplink, channel,
 };
@@ -354,6 +354,7 @@ impl Ground {
                     ..
                 } => {
                     let why = "it waited for the link longer than a command may";
+                    self.images.acknowledge(at, &id, AckStage::Rejected, Some(why));
                     self.book.withdraw(at, &id, CommandState::Expired, why);
                 }
                 _ => {}

@@ -214,11 +214,11 @@ impl Images {
     /// Share of a capture's bytes that has come, as far as is known.
     pub fn progress(&self, id: &str) -> Option<f64> {
         let capture = self.captures.iter().find(|capture| capture.id == id)?;
-        let share = |pair: &Pair| match pair.is_settled() {
+        let shares = capture.pairs.iter().map(|pair| match pair.is_settled() {
             true => 1.0,
-            false => pair.images.iter().map(Assembly::share).sum::<f64>() / 2.0,
-        };
-        Some(capture.pairs.iter().map(share).sum::<f64>() / capture.pairs.len().max(1) as f64)
+            false => pair.share(),
+        });
+        Some(shares.sum::<f64>() / capture.pairs.len().max(1) as f64)
     }
 
     /// How a capture is, if it is known.
@@ -369,6 +369,10 @@ impl Capture {
 }
 
 impl Pair {
+    fn share(&self) -> f64 {
+        self.images.iter().map(Assembly::share).sum::<f64>() / 2.0
+    }
+
     fn missing_text(&self) -> String {
         let text = |image: &Assembly, side: Side| match image.head() {
             _ if image.whole().is_some() => format!("{side} is here"),
@@ -397,6 +401,7 @@ impl Pair {
             id: format!("{capture}/{}", self.name),
             pair: self.name.clone(),
             received: self.is_whole(),
+            fraction: self.share(),
             bytes: self.images.iter().map(|image| image.come() as u64).sum(),
             bytes_total: (heads.len() == 2).then(|| heads.iter().map(|h| u64::from(h.bytes)).sum()),
             time: heads.first().map(|head| head.time),

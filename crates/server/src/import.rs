@@ -6,6 +6,7 @@ use wire::resources::ImportRequest;
 
 use crate::app::AppState;
 use crate::error::ApiError;
+use crate::imaging;
 use crate::jobs::JobHandle;
 use crate::stop::Stop;
 use crate::terrain_store::{source_text, version_name};
@@ -85,7 +86,9 @@ fn import(
     job.stop().check()?;
     let (mut ground, now) = app.live.locked();
     let silence_max_s = app.config.commands.silence_max_s();
-    let adapter = SimAdapter::new(now, rover).with_silence_max(silence_max_s);
+    let cameras = imaging::cameras(app.live.rig());
+    let adapter =
+        SimAdapter::new(now, rover).with_silence_max(silence_max_s).with_cameras(cameras);
     ground.replace_rover(now, who, Box::new(adapter))?;
     if let Err(error) = version.layers() {
         let text = format!("the map has no traversability: {error}");

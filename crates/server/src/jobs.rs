@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 
 use wire::live::{JobReport, JobState};
+use wire::reconstruction::PairProgress;
 
 use crate::error::ApiError;
 use crate::stop::Stop;
@@ -131,6 +132,16 @@ impl JobHandle {
             report.state = JobState::Running;
             report.progress = share.clamp(0.0, 1.0);
             report.doing = doing.into();
+        });
+    }
+
+    /// As [`JobHandle::progress`], with how far each pair of a reconstruction is.
+    pub fn progress_of(&self, share: f64, doing: &str, pairs: &[PairProgress]) {
+        self.change(|report| {
+            report.state = JobState::Running;
+            report.progress = share.clamp(0.0, 1.0);
+            report.doing = doing.into();
+            report.pairs = pairs.to_vec();
         });
     }
 

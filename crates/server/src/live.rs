@@ -6,6 +6,7 @@ use bridge::bus::Bus;
 use bridge::clock::Clock;
 use bridge::ground::{Derive, Ground};
 use rover::{Configuration, Robot};
+use stereo::rig::Rig;
 use wire::check::At;
 use wire::convert;
 use wire::live::{EventLevel, RoverTelemetry};
@@ -26,6 +27,7 @@ pub struct Live {
     pub bus: Bus,
     clock: Arc<dyn Clock>,
     robot: Arc<Robot>,
+    rig: Arc<Rig>,
     payloads: Vec<Payload>,
     gravity: f64,
     friction: f64,
@@ -40,6 +42,8 @@ pub struct LiveParts {
     pub clock: Arc<dyn Clock>,
     /// The robot, scaled and loaded.
     pub robot: Arc<Robot>,
+    /// Its stereo pairs.
+    pub rig: Arc<Rig>,
     /// What it is loaded with.
     pub payloads: Vec<Payload>,
     /// Gravity (m/s²).
@@ -56,10 +60,10 @@ pub fn derive_for(robot: Arc<Robot>, site: Site) -> Derive {
 impl Live {
     /// A live rover; [`bridge::ground::run`] is to drive its ground.
     pub fn new(parts: LiveParts) -> Live {
-        let LiveParts { ground, clock, robot, payloads, gravity, friction } = parts;
+        let LiveParts { ground, clock, robot, rig, payloads, gravity, friction } = parts;
         let (bus, log_id) = (ground.bus(), ground.recorder_status().log.id);
         let ground = Arc::new(Mutex::new(ground));
-        Live { ground, bus, clock, robot, payloads, gravity, friction, log_id }
+        Live { ground, bus, clock, robot, rig, payloads, gravity, friction, log_id }
     }
 
     /// The ground, with the time. Held for the length of a call; nothing is awaited under it.
@@ -72,6 +76,11 @@ impl Live {
     /// The robot with scale and payloads.
     pub fn robot(&self) -> &Arc<Robot> {
         &self.robot
+    }
+
+    /// Its stereo pairs.
+    pub fn rig(&self) -> &Arc<Rig> {
+        &self.rig
     }
 
     /// Gravity (m/s²).

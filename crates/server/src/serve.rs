@@ -15,21 +15,25 @@ use bridge::ground::{self, Ground};
 use bridge::recorder::{ChannelSchema, Recorder, RecorderOptions};
 use bridge::views::{self, VIEWS_HZ, Views};
 use bridge::sim_adapter::SimAdapter;
+use stereo::rig::Rig;
+use rover::Robot;
 use terrain::ElevationMap;
 use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, watch};
 use utoipa::PartialSchema;
 use wire::check::{At, RequestError};
 use wire::live::{
-    CommandEvent, EventLevel, EventNotice, JobReport, LinkReport, LogGap, ReachSummary,
+    CommandEvent, EventLevel, EventNotice, ImageReceived, JobReport, LinkReport, LogGap, ReachSummary,
     RoverTelemetry, StabilityDerived, TerrainNotice, Uplink, channel,
 };
+use wire::reconstruction::ReconstructionRecord;
 use wire::scene::Scene as WireScene;
 
 use crate::analyses::Site;
 use crate::app::{App, AppState};
 use crate::config::Config;
 use crate::gate::Gate;
+use crate::imaging;
 use crate::jobs::Jobs;
 use crate::live::{Live, LiveParts, derive_for, hash_text};
 use crate::live_reach::{self, LiveReach};
@@ -234,7 +238,8 @@ impl Server {
     }
 }
 
-fn first_map(config: &Config, root: FileRoot) -> Result<ElevationMap, RequestError> {
+/// The ground that a configuration begins on.
+pub fn first_map(config: &Config, root: FileRoot) -> Result<ElevationMap, RequestError> {
     let import = world::first_import(config);
     if import.file.is_none() {
         let recipe = world::configured_recipe(&config.terrain)?;
@@ -242,6 +247,19 @@ fn first_map(config: &Config, root: FileRoot) -> Result<ElevationMap, RequestErr
             .map_err(|error| crate::terrains::terrain_error(&At::root("terrain"), &error));
     }
     world::import_map(&Terrains::new(root, None), &import)
+}
+
+/// The robot of a configuration, scaled and loaded.
+pub fn robot_of(config: &Arc<Config>, robots: &Arc<Robots>) -> Result<Arc<Robot>, RequestError> {
+    let scene = WireScene {
+        robot: Some(config.rover.robot.clone()),
+        scale: Some(config.rover.scale),
+        payloads: Some(config.rover.payloads()),
+        ..WireScene::default()
+    };
+    let terrains = Arc::new(Terrains::new(FileRoot::Folder("".into()), None));
+    let context = Context { robots: robots.clone(), terrains, config: config.clone(), live: None };
+    context.robot(&At::root("rover"), &scene)
 }
 
 /// The live rover of a configuration, seated on its map.
@@ -254,30 +272,27 @@ fn live(
 ) -> Result<Live, StartError> {
     let now = clock.now();
     let payloads = config.rover.payloads();
-    let scene = WireScene {
-        robot: Some(config.rover.robot.clone()),
-        scale: Some(config.rover.scale),
-        payloads: Some(payloads.clone()),
-        ..WireScene::default()
-    };
-    let terrains = Arc::new(Terrains::new(FileRoot::Folder("".into()), None));
-    let context = Context { robots: robots.clone(), terrains, config: config.clone(), live: None };
-    let robot = context.robot(&At::root("rover"), &scene)?;
+    let robot = robot_of(config, robots)?;
+    let rig = Arc::new(imaging::rig(&At::root("rover"), robots, &config.rover.robot, &robot)?);
     let gravity = config.rover.gravity_m_s2;
     let (heading, pose) = (config.rover.heading_rad, &config.rover.pose);
     let (rover, settled) = world::seat(&robot, map, gravity, place_m, heading, pose)?;
     // Before the new log is begun, which would be the newest.
     let earlier = last_session::commands(&config.server.logs_dir);
-    let recorder = recorder(config, now, hash_text(robot.hash()), map)?;
+    let recorder = recorder(config, now, hash_text(robot.hash()), map, &rig)?;
     let friction = config.terrain.friction;
     let derive = derive_for(robot.clone(), Site { gravity, friction });
     let silence_max_s = config.commands.silence_max_s();
-    let adapter = Box::new(SimAdapter::new(now, rover).with_silence_max(silence_max_s));
+    let adapter = SimAdapter::new(now, rover)
+        .with_silence_max(silence_max_s)
+        .with_cameras(imaging::cameras(&rig));
+    let adapter = Box::new(adapter);
     let mut ground =
         Ground::new(now, adapter, config.link.clone(), recorder, Bus::new(BUS_CAPACITY), derive)
             .map_err(|error| RequestError::new("out_of_range", error.to_string()))?;
     ground.configure(config.commands.authority_rules(), config.commands.heartbeat_s());
     ground.log_views(Views::new(robot.clone(), VIEWS_HZ));
+    ground.log_images(imaging::records(robot.clone(), rig.clone()));
     let unknown = ground.restore(now, earlier);
     if unknown > 0 {
         let text = format!(
@@ -297,7 +312,7 @@ fn live(
         notice.source, settled.moved_m, settled.margin_m
     );
     ground.notice(now, EventLevel::Info, "server", &text);
-    Ok(Live::new(LiveParts { ground, clock, robot, payloads, gravity, friction }))
+    Ok(Live::new(LiveParts { ground, clock, robot, rig, payloads, gravity, friction }))
 }
 
 fn recorder(
@@ -305,6 +320,7 @@ fn recorder(
     now: wire::time::Timestamp,
     model_hash: String,
     map: &ElevationMap,
+    rig: &Rig,
 ) -> Result<Recorder, StartError> {
     let metadata = BTreeMap::from([
         ("program".to_owned(), format!("footfall {}", env!("CARGO_PKG_VERSION"))),
@@ -317,7 +333,7 @@ fn recorder(
         start: now,
         metadata,
         schemas: schemas(),
-        protobuf: views::channels(),
+        protobuf: views::channels().into_iter().chain(imaging::channels(rig)).collect(),
         ..RecorderOptions::default()
     };
     Recorder::start(&config.server.logs_dir, options).map_err(|error| StartError::Log {
@@ -359,6 +375,8 @@ pub fn schemas() -> Vec<ChannelSchema> {
         of!(channel::LINK, LinkReport),
         of!(channel::TERRAIN, TerrainNotice),
         of!(channel::EVENT, EventNotice),
+        of!(channel::IMAGE, ImageReceived),
+        of!(channel::RECONSTRUCTION, ReconstructionRecord),
         of!(channel::LOG_GAP, LogGap),
     ]
 }

@@ -40,6 +40,12 @@ impl Stop {
         Ok(Stop { cancelled: Arc::default(), deadline })
     }
 
+    /// For work that waits for the rover: as long as that may take (s), at most a week.
+    pub fn within(seconds: f64) -> Stop {
+        let deadline = Instant::now() + Duration::from_secs_f64(seconds.clamp(0.0, 6e5));
+        Stop { cancelled: Arc::default(), deadline }
+    }
+
     /// Must the work end?
     pub fn asked(&self) -> bool {
         self.cause().is_some()

@@ -255,6 +255,8 @@ pub struct ReconstructedPair {
 pub struct ReconstructionRecord {
     /// The version of the map that it became, named by its content.
     pub terrain_version: String,
+    /// Name of the blended map with variances, times and sources, by its content.
+    pub blended: String,
     /// Its identity.
     pub id: String,
     /// Did it go on from the reconstruction before, rather than begin anew?
@@ -302,6 +304,8 @@ pub struct CapturedPair {
     pub pair: String,
     /// Are both images here?
     pub received: bool,
+    /// Share of the two images that has come, 0 to 1.
+    pub fraction: f64,
     /// Bytes that have come.
     pub bytes: u64,
     /// Bytes of both images, as far as is known.

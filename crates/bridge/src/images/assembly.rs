@@ -117,10 +117,10 @@ impl Assembly {
             Assembly::Partly { come, .. } => {
                 let mut ranges: Vec<[u32; 2]> = Vec::new();
                 for (index, _) in come.iter().enumerate().filter(|(_, come)| !**come) {
-                    let index = index as u32;
+                    let (index, full) = (index as u32, ranges.len() == most);
                     match ranges.last_mut() {
                         Some([_, to]) if *to + 1 == index => *to = index,
-                        _ if ranges.len() == most => break,
+                        _ if full => break,
                         _ => ranges.push([index, index]),
                     }
                 }
