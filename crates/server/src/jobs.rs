@@ -55,6 +55,7 @@ impl Jobs {
             state: JobState::Queued,
             progress: 0.0,
             doing: "waits for its turn".into(),
+            pairs: Vec::new(),
             result: None,
             error: None,
         };

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::analysis::StabilityPreference;
+use crate::reconstruction::PairProgress;
 use crate::scene::{Pose, RoverState};
 use crate::time::Timestamp;
 
@@ -618,6 +619,9 @@ pub struct JobReport {
     pub progress: f64,
     /// What it is doing.
     pub doing: String,
+    /// Pair by pair, how far a reconstruction is; empty for other work.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub pairs: Vec<PairProgress>,
     /// Where the result is, once done.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub result: Option<String>,

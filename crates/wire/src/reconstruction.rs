@@ -92,6 +92,39 @@ pub struct CoverageOfPair {
     pub raw_bytes: usize,
 }
 
+/// How far one pair of a reconstruction is: `pairs` of its [`JobReport`](crate::live::JobReport).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PairProgress {
+    /// Name of the pair.
+    pub pair: String,
+    /// How far it is.
+    pub stage: PairStage,
+    /// Share of this stage that is done, 0 to 1: of `on_the_way` the bytes that have come.
+    pub fraction: f64,
+    /// What there is to say, as what is missing or why it failed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub message: Option<String>,
+}
+
+/// How far a pair is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PairStage {
+    /// The rover was asked for its images.
+    Requested,
+    /// Parts of them have come.
+    OnTheWay,
+    /// Both images are here.
+    Received,
+    /// They were matched: there are points.
+    Matched,
+    /// Its ground is part of the map.
+    Fused,
+    /// It is not part of the map; `message` says why.
+    Failed,
+}
+
 /// Asks for a map of what pairs see now: `POST /terrain/reconstructions`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
