@@ -1,8 +1,11 @@
 //! Stereo pairs of the live rover: what there is, what they would see, and the map made of them.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
+use crate::map_version::{HiddenGround, MapRegion};
 use crate::time::Timestamp;
 
 /// Most pairs of one request: each has a bit in the mask of a coverage.
@@ -11,6 +14,8 @@ pub const CAMERAS_MAX: usize = 16;
 pub const RESOLUTION_M: [f64; 2] = [0.02, 1.0];
 /// Range of the size of images, as a share of the pair's own.
 pub const SCALE: [f64; 2] = [0.25, 1.0];
+/// Range of the radius of a region (m).
+pub const REGION_RADIUS_M: [f64; 2] = [0.5, 100.0];
 
 /// The stereo pairs of the live rover: `GET /rover/cameras`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -34,6 +39,14 @@ pub struct CameraAnswer {
     pub size_px: [usize; 2],
     /// Distance between the cameras (m).
     pub baseline_m: f64,
+    /// Middle between the cameras in the link's frame (m).
+    pub position_m: [f64; 3],
+    /// Where it looks, about the link's z from its x (rad).
+    pub azimuth_rad: f64,
+    /// ... and above the link's x-y plane (rad).
+    pub elevation_rad: f64,
+    /// Across the image (rad).
+    pub field_of_view_rad: f64,
     /// Depths that count (m).
     pub range_m: [f64; 2],
     /// Bytes of both images, 8 bits a pixel, before any compression.
@@ -69,7 +82,12 @@ pub struct CoverageAnswer {
     pub mask_base64: String,
     /// The pairs, in the order of their bits.
     pub cameras: Vec<CoverageOfPair>,
-    /// Share of the known nodes that at least one pair sees.
+    /// What hides ground that no pair sees and one would see without the robot, largest area first.
+    pub hidden: Vec<HiddenGround>,
+    /// For each node, in the order of `mask_base64`, a byte in base64: 0, or i + 1 where the i-th of
+    /// `hidden` hides the ground.
+    pub hidden_base64: String,
+    /// Share of the nodes that at least one pair sees.
     pub seen_share: f64,
     /// Bytes of all images before any compression.
     pub raw_bytes: usize,
@@ -86,7 +104,7 @@ pub struct CoverageOfPair {
     pub bit: u8,
     /// Ground that it sees (m²).
     pub area_m2: f64,
-    /// Share of the known nodes that it sees.
+    /// Share of the nodes that it sees.
     pub seen_share: f64,
     /// Bytes of its two images before any compression.
     pub raw_bytes: usize,
@@ -147,6 +165,12 @@ pub struct ReconstructionRequest {
     /// Begin anew, without what earlier reconstructions saw.
     #[serde(default)]
     pub anew: bool,
+    /// Ground outside of this disc is left out; all is taken where absent.
+    #[serde(default)]
+    pub region: Option<MapRegion>,
+    /// Size of the images of single pairs, by name, where other than `scale`: fine near, coarse far.
+    #[serde(default)]
+    pub scales: BTreeMap<String, f64>,
 }
 
 /// A map that was made: `GET /terrain/reconstructions/{id}`.
