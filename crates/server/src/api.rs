@@ -7,6 +7,7 @@ mod foxglove;
 mod jobs;
 mod log_notes;
 mod logs;
+mod map_versions;
 mod plans;
 mod reconstruction;
 mod rover;
@@ -74,6 +75,7 @@ fn described() -> OpenApiRouter<AppState> {
         .merge(rover::routes())
         .merge(terrain::routes())
         .merge(reconstruction::routes())
+        .merge(map_versions::routes())
         .merge(plans::routes())
         .merge(commands::routes())
         .merge(authority::routes())

@@ -109,7 +109,20 @@ pub fn check(
         }
         pairs.push(pair);
     }
-    let scale = check::within(&at.field("scale"), order.scale, SCALE, "")?;
+    check::within(&at.field("scale"), order.scale, SCALE, "")?;
+    for (name, scale) in &order.scales {
+        let at = at.field("scales");
+        if pairs.iter().all(|pair| pair.name != *name) {
+            let name: String = name.chars().take(64).collect();
+            let text = format_args!("names the pair {name:?}, which is not asked for");
+            return Err(RequestError::at("camera_unknown", &at, text));
+        }
+        check::within(&at.field(name), *scale, SCALE, "")?;
+    }
+    let sized: Vec<(&CameraPair, f64)> = pairs
+        .iter()
+        .map(|pair| (*pair, order.scales.get(&pair.name).copied().unwrap_or(order.scale)))
+        .collect();
     let [least, most] = DEPTH_BITS.map(f64::from);
     check::within(&at.field("depth_bits"), order.depth_bits.into(), [least, most], " bits")?;
     if let Some(rate) = order.rate_bps {
@@ -125,7 +138,7 @@ pub fn check(
         let errors = simulated.calibration_errors;
         check::within(&at.field("calibration_errors"), errors, [0.0, 10.0], "")?;
     }
-    for (i, pair) in pairs.iter().enumerate() {
+    for (i, (pair, scale)) in sized.iter().enumerate() {
         let pixels = pair.left.size().len() as f64 * scale * scale;
         if pixels > IMAGE_BYTES_MAX as f64 {
             let text = format_args!(
@@ -135,7 +148,7 @@ pub fn check(
             return Err(RequestError::at("too_many", &pairs_at.index(i), text));
         }
     }
-    let cost = cost(&pairs, scale, order.depth_bits, link);
+    let cost = cost(&sized, order.depth_bits, link);
     let beside = rate_beside_telemetry(link);
     let rate_bps = order.rate_bps.or(beside.map(|rate| {
         let [least, most] = IMAGE_RATE_BPS;
@@ -143,7 +156,7 @@ pub fn check(
     }));
     let order = ImageOrder { rate_bps, ..order.clone() };
     let sending_s = rate_bps.map_or(0.0, |rate| 8.0 * cost.bytes as f64 / rate);
-    let duration_s = (take_s(&pairs, scale) + sending_s).min(86_400.0);
+    let duration_s = (take_s(&sized) + sending_s).min(86_400.0);
     Ok(Checked { order, cost, duration_s })
 }
 
@@ -158,20 +171,25 @@ fn pair_of<'a>(at: &At<'_>, rig: &'a Rig, name: &str) -> Result<&'a CameraPair, 
 }
 
 /// What images are likely to cost over the link as it is.
-pub fn cost(pairs: &[&CameraPair], scale: f64, depth_bits: u8, link: &LinkReport) -> ImageCost {
-    let pixels: f64 = pairs.iter().map(|pair| pair.raw_bytes() as f64 * scale * scale).sum();
+pub fn cost(pairs: &[(&CameraPair, f64)], depth_bits: u8, link: &LinkReport) -> ImageCost {
+    let pixels: f64 = pairs.iter().map(|(pair, scale)| pixels_of(pair, *scale)).sum();
     let place = usize::from(depth_bits.clamp(DEPTH_BITS[0], DEPTH_BITS[1]) - DEPTH_BITS[0]);
     let bytes = pixels * BYTES_PER_PIXEL[place] * (1.0 + PIECE_OVERHEAD);
     let downlink_s = rate_beside_telemetry(link).map(|rate| 8.0 * bytes / rate);
     let light_s = link.config.up_delay_s + link.config.down_delay_s;
     // Drawing and sending go on side by side.
-    let total_s = light_s + take_s(pairs, scale).max(downlink_s.unwrap_or(0.0));
+    let total_s = light_s + take_s(pairs).max(downlink_s.unwrap_or(0.0));
     ImageCost { bytes: bytes.ceil() as usize, downlink_s, total_s }
 }
 
-fn take_s(pairs: &[&CameraPair], scale: f64) -> f64 {
+/// Pixels of both images.
+fn pixels_of(pair: &CameraPair, scale: f64) -> f64 {
+    pair.raw_bytes() as f64 * scale * scale
+}
+
+fn take_s(pairs: &[(&CameraPair, f64)]) -> f64 {
     const FULL_PX: f64 = 2.0 * 1024.0 * 768.0;
-    pairs.iter().map(|pair| TAKE_S * pair.raw_bytes() as f64 / FULL_PX).sum::<f64>() * scale * scale
+    pairs.iter().map(|(pair, scale)| TAKE_S * pixels_of(pair, *scale) / FULL_PX).sum()
 }
 
 /// What the downlink has beside telemetry (bit/s); no limit where it has none. Never less than half.

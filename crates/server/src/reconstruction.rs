@@ -14,23 +14,28 @@
 //! 3 to 7 s (two cores, shared), three quarters of it for drawing; both are asked to stop once a row. Memory is
 //! that of two images, their points (about 150 bytes each) and the blended map.
 
+pub mod hidden;
 mod pair;
+pub mod pictures;
+pub mod versions;
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use bytes::Bytes;
 use geometry::{Grid, Raster};
-use nalgebra::Point2;
+use nalgebra::{Point2, Point3};
 use rover::{Posture, Robot};
 use stereo::StereoError;
 use stereo::rig::{CameraPair, Rig};
-use terrain::fusion::{AlignSettings, Input, MapSettings, MapVersion, Mapper, PairDem, ReadPolicy};
+use terrain::fusion::{AlignSettings, Correction, Input, MapSettings, MapVersion, Mapper, PairDem, ReadPolicy};
 use terrain::{ElevationMap, Source, SourceKind};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use wire::check::{self, At, RequestError};
-use wire::live::{EventLevel, JobReport, TerrainNotice, channel};
+use wire::live::{JobReport, RoverTelemetry};
+use wire::map_version::{MapRegion, VersionPair, VersionStep};
 use wire::reconstruction::{
-    CAMERAS_MAX, RESOLUTION_M, ReconstructionAnswer, ReconstructionRequest, SCALE,
+    CAMERAS_MAX, REGION_RADIUS_M, RESOLUTION_M, ReconstructionAnswer, ReconstructionRequest, SCALE,
 };
 use wire::time::Timestamp;
 
@@ -38,10 +43,11 @@ use crate::app::AppState;
 use crate::error::ApiError;
 use crate::jobs::JobHandle;
 use crate::stop::Stop;
-use crate::terrain_store::{SeenBy, source_text};
+use crate::terrain_store::source_text;
 use crate::terrains::terrain_error;
 
 pub use pair::PairImages;
+use pictures::Pictures;
 
 /// Time allowed for a reconstruction (s).
 const DEADLINE_S: f64 = 600.0;
@@ -72,7 +78,10 @@ struct Kept {
     /// Counts the reconstructions begun: seeds that nobody chose.
     n_begun: u64,
     blended: Option<Blended>,
+    /// The same of versions that can be put in use again, newest last.
+    states: VecDeque<(String, Blended)>,
     answers: VecDeque<ReconstructionAnswer>,
+    pictures: Pictures,
 }
 
 /// The map that pairs are blended into.
@@ -83,13 +92,26 @@ struct Blended {
     next_source: u32,
     /// Names of the pairs by the numbers of their maps.
     names: BTreeMap<u32, String>,
+    /// What is told of them.
+    captures: Vec<VersionPair>,
+    /// Fits that were found, of pairs whose fit was undone once.
+    found: BTreeMap<u32, Correction>,
+    /// Does the map from before count where no pair saw ground?
+    keep_prior: bool,
 }
 
 impl Reconstructions {
     /// With the ground that the simulated rover stands on.
     pub fn new(ground: ElevationMap) -> Reconstructions {
-        let (blended, answers) = (None, VecDeque::new());
-        let kept = Kept { ground, n_grounds: 0, n_begun: 0, blended, answers };
+        let kept = Kept {
+            ground,
+            n_grounds: 0,
+            n_begun: 0,
+            blended: None,
+            states: VecDeque::new(),
+            answers: VecDeque::new(),
+            pictures: Pictures::default(),
+        };
         Reconstructions { place: Arc::new(Semaphore::new(1)), kept: Mutex::new(kept) }
     }
 
@@ -97,6 +119,7 @@ impl Reconstructions {
     pub fn stand_on(&self, ground: ElevationMap) {
         let mut kept = self.locked();
         (kept.ground, kept.blended) = (ground, None);
+        kept.states.clear();
         kept.n_grounds += 1;
     }
 
@@ -106,6 +129,17 @@ impl Reconstructions {
         kept.answers.iter().find(|answer| answer.id == id).cloned().ok_or_else(|| {
             let message = "there is no such reconstruction, or it has not ended, or long ago";
             ApiError::new("reconstruction_unknown", message)
+        })
+    }
+
+    /// A picture of a pair of one of the last reconstructions, as PNG.
+    pub fn picture(&self, id: &str, pair: &str, picture: &str) -> Result<Bytes, ApiError> {
+        self.locked().pictures.get(id, pair, picture).ok_or_else(|| {
+            let names = pictures::PICTURES.join(", ");
+            let message = format!(
+                "there is no such picture: they are kept of the last reconstructions, of each pair as {names} .png"
+            );
+            ApiError::new("picture_unknown", message)
         })
     }
 
@@ -163,9 +197,20 @@ struct Work {
     n_grounds: u64,
     resolution_m: f64,
     scale: f64,
+    scales: BTreeMap<String, f64>,
+    region: Option<MapRegion>,
     seed: u64,
     keep_prior: bool,
     blended: Blended,
+    /// Where wheels stand (m).
+    wheels: Vec<Point3<f64>>,
+}
+
+impl Work {
+    /// Size of the images of a pair as a share of its own.
+    fn scale_of(&self, pair: &str) -> f64 {
+        self.scales.get(pair).copied().unwrap_or(self.scale)
+    }
 }
 
 /// Begins a reconstruction.
@@ -179,6 +224,7 @@ pub async fn start(
     check::within(&At::root("resolution_m"), resolution_m, RESOLUTION_M, " m")?;
     let scale =
         check::within(&At::root("scale"), request.scale.unwrap_or(SCALE_DEFAULT), SCALE, "")?;
+    check_parts(&request, &pairs)?;
     let busy = || ApiError::new("busy", "another reconstruction is under way; wait or cancel it");
     let place = app.reconstructions.place.clone().try_acquire_owned().map_err(|_| busy())?;
     let latest = app.live.latest()?;
@@ -186,6 +232,7 @@ pub async fn start(
     let state = &latest.frame.state;
     let configuration = wire::convert::configuration(&At::root("state"), &robot, state)?;
     let posture = Posture::new(&robot, &configuration);
+    let wheels = standing(&latest.frame);
     // Taken before the job begins: beginning one locks the link's ground, which comes first elsewhere.
     let work = {
         let mut kept = app.reconstructions.locked();
@@ -201,15 +248,45 @@ pub async fn start(
             n_grounds: kept.n_grounds,
             resolution_m,
             scale,
+            scales: request.scales,
+            region: request.region,
             seed,
             keep_prior: request.keep_prior.unwrap_or(true),
             blended,
+            wheels,
         }
     };
     let job = app.jobs.begin("reconstruction", Stop::after(Some(DEADLINE_S))?)?;
     let report = app.jobs.get(job.id())?;
     tokio::spawn(run(app, who, work, job, place));
     Ok(report)
+}
+
+/// Where the wheels that bear the rover touch the ground (m).
+pub fn standing(frame: &RoverTelemetry) -> Vec<Point3<f64>> {
+    let bears = |leg: &str| frame.contacts.get(leg) == Some(&true);
+    let points = frame.contact_points_m.iter().filter(|(leg, _)| bears(leg));
+    points.map(|(_, p)| Point3::from(*p)).collect()
+}
+
+/// Refuses a region or sizes of single pairs that cannot be.
+fn check_parts(request: &ReconstructionRequest, pairs: &[CameraPair]) -> Result<(), RequestError> {
+    let at = At::root("scales");
+    for (name, scale) in &request.scales {
+        if pairs.iter().all(|pair| pair.name != *name) {
+            let name: String = name.chars().take(64).collect();
+            let text = format_args!("names the pair {name:?}, which is not among `cameras`");
+            return Err(RequestError::at("camera_unknown", &at, text));
+        }
+        check::within(&at.field(name), *scale, SCALE, "")?;
+    }
+    if let Some(region) = &request.region {
+        let at = At::root("region");
+        check::within(&at.field("radius_m"), region.radius_m, REGION_RADIUS_M, " m")?;
+        let [x, y] = region.center_m;
+        check::position(&at.field("center_m"), [x, y, 0.0])?;
+    }
+    Ok(())
 }
 
 /// The blended map to go on from.
@@ -239,7 +316,15 @@ fn begin(
     let settings = MapSettings { resolution_m, ..MapSettings::default() };
     let at = At::root("resolution_m");
     let mapper = Mapper::new(settings).map_err(|error| terrain_error(&at, &error))?;
-    Ok(Blended { mapper, has_prior: false, next_source: 0, names: BTreeMap::new() })
+    Ok(Blended {
+        mapper,
+        has_prior: false,
+        next_source: 0,
+        names: BTreeMap::new(),
+        captures: Vec::new(),
+        found: BTreeMap::new(),
+        keep_prior: true,
+    })
 }
 
 async fn run(app: AppState, who: String, work: Work, job: JobHandle, place: OwnedSemaphorePermit) {
@@ -266,7 +351,9 @@ fn reconstruct(app: &AppState, who: &str, work: Work, job: &JobHandle) -> Result
         job.progress(0.0, "the map from before");
         add_prior(&mut blended, &work.ground, work.resolution_m, time_ns)?;
     }
+    blended.keep_prior = work.keep_prior;
     let before = blended.mapper.version().clone();
+    let mut pictures = BTreeMap::new();
     let mut pairs = Vec::with_capacity(work.pairs.len());
     for (i, camera) in work.pairs.iter().enumerate() {
         let tell = |share: f64, doing: &str| {
@@ -280,7 +367,8 @@ fn reconstruct(app: &AppState, who: &str, work: Work, job: &JobHandle) -> Result
         let seen = pair::measure(&images, &work.robot, job.stop()).map_err(refuse)?;
         tell(0.9, "blending");
         job.stop().check()?;
-        let (mut answer, dem) = pair::map_of(&images, &seen, work.resolution_m)?;
+        pictures.insert(camera.name.clone(), seen.pictures(&images));
+        let (mut answer, dem) = pair::map_of(&images, &seen, work.resolution_m, work.region)?;
         if let Some(dem) = dem {
             let (at, source) = (At::root("cameras"), blended.next_source);
             let fitted = blended
@@ -300,11 +388,21 @@ fn reconstruct(app: &AppState, who: &str, work: Work, job: &JobHandle) -> Result
         let message = "none of the pairs saw ground well enough: choose others, or a larger scale";
         return Err(ApiError::new("nothing_seen", message));
     }
+    blended.note(&pairs, work.capture_time, job.id());
+    blended.touch(&work.wheels, time_ns)?;
     job.progress(0.9, "judges the ground");
     let changes = blended.mapper.version().changes_since(&before);
-    let map = read(blended.mapper.version(), &work, &pairs)?;
-    let seen = SeenBy { map: blended.mapper.version().clone(), pairs: blended.names.clone() };
-    let version = app.store.prepare_seen(map, app.clock.now(), seen);
+    let names: Vec<&str> = pairs.iter().map(|pair| pair.name.as_str()).collect();
+    let map = read(blended.mapper.version(), &work.ground, work.keep_prior, &names)?;
+    let (since, what) = (app.store.current().info.version.clone(), names.join(", "));
+    let told = versions::told(
+        &since,
+        VersionStep::Seen,
+        format!("added {what}"),
+        &changes,
+        work.resolution_m,
+    );
+    let version = app.store.prepare_seen(map, app.clock.now(), blended.seen_by(Some(told)));
     job.stop().check()?;
     let area = |n: usize| n as f64 * work.resolution_m * work.resolution_m;
     let answer = ReconstructionAnswer {
@@ -322,34 +420,18 @@ fn reconstruct(app: &AppState, who: &str, work: Work, job: &JobHandle) -> Result
         new_m2: area(changes.appeared),
         lost_cells: changes.vanished,
     };
-    let notice = TerrainNotice {
-        version: version.info.version.clone(),
-        source: version.info.source.clone(),
-        synthetic_detail: version.info.synthetic_detail,
-    };
     let text = format!(
         "new map: {}; {:.1} m² changed, {:.1} m² seen for the first time",
-        notice.source, answer.changed_m2, answer.new_m2
+        version.info.source, answer.changed_m2, answer.new_m2
     );
-    // The ground of the link first: an import holds it when it changes what the rover stands on.
-    let (mut ground, now) = app.live.locked();
+    versions::put(app, who, version, work.n_grounds, &text, Some(blended))?;
     let mut kept = app.reconstructions.locked();
-    if kept.n_grounds != work.n_grounds {
-        let message = "another ground was imported meanwhile; ask again";
-        return Err(ApiError::new("cancelled", message));
-    }
-    kept.blended = Some(blended);
     kept.answers.push_back(answer);
     while kept.answers.len() > ANSWERS_MAX {
         kept.answers.pop_front();
     }
-    if let Err(error) = version.layers() {
-        let text = format!("the map has no traversability: {error}");
-        ground.notice(now, EventLevel::Caution, "server", &text);
-    }
-    app.store.put(version);
-    ground.publish(now, channel::TERRAIN, &notice);
-    ground.notice(now, EventLevel::Info, who, &text);
+    kept.pictures.keep(job.id(), pictures);
+    drop(kept);
     Ok(format!("/api/v1/terrain/reconstructions/{}", job.id()))
 }
 
@@ -385,17 +467,19 @@ fn add_prior(
 /// unknown. Contradictions are unknown in any case.
 fn read(
     version: &MapVersion,
-    work: &Work,
-    pairs: &[wire::reconstruction::ReconstructedPair],
+    ground: &ElevationMap,
+    keep: bool,
+    names: &[&str],
 ) -> Result<ElevationMap, RequestError> {
-    let keep = work.keep_prior;
     let policy = ReadPolicy { use_prior: keep, use_masked: keep, use_conflicts: false };
-    let names: Vec<&str> = pairs.iter().map(|pair| pair.name.as_str()).collect();
-    let mut name = format!("seen by {}", names.join(", "));
+    let mut name = match names {
+        [] => "what cameras saw was taken out".to_owned(),
+        names => format!("seen by {}", names.join(", ")),
+    };
     if keep {
-        name += &format!(", else {}", source_text(&work.ground));
+        name += &format!(", else {}", source_text(ground));
     }
-    let synthetic_detail = keep && work.ground.source().synthetic_detail;
+    let synthetic_detail = keep && ground.source().synthetic_detail;
     let source = Source { kind: SourceKind::File { name }, synthetic_detail };
     let refuse = |error| terrain_error(&At::root("cameras"), &error);
     // Trust is not asked for, so neither are times.
@@ -416,7 +500,7 @@ fn read(
     let origin: Point2<f64> = grid.position(x0, y0);
     let known = Grid { origin, nx: x1 - x0 + 1, ny: y1 - y0 + 1, ..grid };
     let heights = Raster::from_fn(known, |ix, iy| *heights.at(x0 + ix, y0 + iy));
-    Ok(ElevationMap::new(heights, source).with_frame_offset(work.ground.frame_offset()))
+    Ok(ElevationMap::new(heights, source).with_frame_offset(ground.frame_offset()))
 }
 
 /// An error of the work on a pair: that it was told to stop, or what does not fit.

@@ -26,7 +26,7 @@ use wire::live::{
     CommandEvent, EventLevel, EventNotice, ImageReceived, JobReport, LinkReport, LogGap, ReachSummary,
     RoverTelemetry, StabilityDerived, TerrainNotice, Uplink, channel,
 };
-use wire::reconstruction::ReconstructionRecord;
+use wire::reconstruction::MapRecord;
 use wire::scene::Scene as WireScene;
 
 use crate::analyses::Site;
@@ -376,7 +376,7 @@ pub fn schemas() -> Vec<ChannelSchema> {
         of!(channel::TERRAIN, TerrainNotice),
         of!(channel::EVENT, EventNotice),
         of!(channel::IMAGE, ImageReceived),
-        of!(channel::RECONSTRUCTION, ReconstructionRecord),
+        of!(channel::MAP, MapRecord),
         of!(channel::LOG_GAP, LogGap),
     ]
 }

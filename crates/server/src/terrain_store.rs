@@ -1,32 +1,26 @@
 //! The versions of the server's own map. A version never changes; its name is its content's hash.
 
-use std::collections::BTreeMap;
+mod seen;
+
 use std::sync::{Arc, Mutex, PoisonError};
 
 use geometry::Raster;
 use nalgebra::Point2;
 use terrain::formats::mesh::{self, HeightMesh};
-use terrain::fusion::{self, Flags, MapVersion};
 use terrain::traversability::{self, Layers, Limits};
 use terrain::{ElevationMap, SourceKind, TerrainError};
 use wire::check::{At, RequestError};
-use wire::resources::{CellAnswer, CellComponent, CellSeen, TerrainVersion, TerrainVersions};
+use wire::resources::{CellAnswer, CellComponent, TerrainVersion, TerrainVersions};
 use wire::tile::{Format, Header, TILE_CELLS};
 use wire::time::Timestamp;
+
+pub use seen::{SEEN_LAYERS, SeenBy};
 
 use crate::terrains::{SERVED_NODES_MAX, terrain_error};
 
 /// The layers that tiles are made of: the heights, and those of traversability.
 pub const LAYERS: [&str; 7] =
     ["height", "slope", "roughness", "step", "goodness", "certainty", "class"];
-
-/// Where the heights of a version come from: the blended map that it was read from.
-pub struct SeenBy {
-    /// The blended map.
-    pub map: Arc<MapVersion>,
-    /// Names of the pairs by the numbers of their maps.
-    pub pairs: BTreeMap<u32, String>,
-}
 
 /// A version of the map with what is computed from it.
 pub struct Version {
@@ -37,7 +31,7 @@ pub struct Version {
     footprint_m: f64,
     limits: Limits,
     layers: Result<Layers, TerrainError>,
-    seen: Option<SeenBy>,
+    seen: Option<seen::Seen>,
 }
 
 /// The versions that are kept.
@@ -75,8 +69,14 @@ impl TerrainStore {
 
     /// Judges a map that cameras saw, to be put in use.
     pub fn prepare_seen(&self, map: ElevationMap, now: Timestamp, seen: SeenBy) -> Arc<Version> {
-        let version = Version::new(map, now, self.footprint_m, self.limits);
-        Arc::new(Version { seen: Some(seen), ..version })
+        let mut version = Version::new(map, now, self.footprint_m, self.limits);
+        let by = seen::Seen::new(&seen);
+        version.info.layers.extend(SEEN_LAYERS.map(String::from));
+        version.info.sources = by.labels().to_vec();
+        version.info.captured = by.newest();
+        (version.info.pairs, version.info.changes) = (seen.captures, seen.changes);
+        version.seen = Some(by);
+        Arc::new(version)
     }
 
     /// Makes a version the one in use.
@@ -171,6 +171,10 @@ impl Version {
                 .iter()
                 .map(|name| (*name).to_owned())
                 .collect(),
+            changes: None,
+            pairs: Vec::new(),
+            sources: Vec::new(),
+            captured: None,
         };
         Version { info, map, footprint_m, limits, layers, seen: None }
     }
@@ -190,7 +194,8 @@ impl Version {
     ///
     /// At zoom z the nodes are 2^z times as far apart. Heights there are those of the nodes that are
     /// left, so that neighboring tiles share theirs; of the other layers a node has the worst of the
-    /// nodes that it stands for, unknown being worst of all: from afar nothing looks better than it is.
+    /// nodes that it stands for, unknown being worst of all: from afar nothing looks better than it is. What is known
+    /// of how the ground was seen is that of the nodes that are left.
     pub fn tile(
         &self,
         layer: &str,
@@ -198,7 +203,8 @@ impl Version {
         x: usize,
         y: usize,
     ) -> Result<Option<Vec<u8>>, RequestError> {
-        if zoom >= self.info.zooms || !LAYERS.contains(&layer) {
+        let of_seen = self.seen.as_ref().filter(|_| SEEN_LAYERS.contains(&layer));
+        if zoom >= self.info.zooms || !(LAYERS.contains(&layer) || of_seen.is_some()) {
             return Ok(None);
         }
         let (grid, step) = (self.map.grid(), 1_usize << zoom);
@@ -210,7 +216,8 @@ impl Version {
         let span = |i: usize, n: usize| i * TILE_CELLS..((i + 1) * TILE_CELLS + 1).min(n);
         let (columns, rows) = (span(x, nx), span(y, ny));
         let origin = grid.position(columns.start * step, rows.start * step);
-        let is_class = layer == "class";
+        let is_class = matches!(layer, "class" | "source" | "mask");
+        let newest = of_seen.and_then(seen::Seen::newest);
         let header = Header {
             format: if is_class { Format::U8 } else { Format::F32 },
             planes: 1,
@@ -219,13 +226,22 @@ impl Version {
             resolution_m: grid.resolution * step as f64,
             z_min_m: 0.0,
             z_scale_m: 0.0,
-            time_ns: self.info.created.0,
+            time_ns: newest.unwrap_or(self.info.created).0,
         };
         let mut bytes = header.encode().to_vec();
         let nodes = rows.flat_map(|iy| columns.clone().map(move |ix| (ix * step, iy * step)));
         if layer == "height" {
             for (ix, iy) in nodes {
                 bytes.extend_from_slice(&self.map.heights().at(ix, iy).to_le_bytes());
+            }
+            return Ok(Some(bytes));
+        }
+        if let Some(seen) = of_seen {
+            let places = nodes.map(|(ix, iy)| grid.position(ix, iy));
+            if is_class {
+                bytes.extend(places.map(|p| seen.class(layer, p)));
+            } else {
+                bytes.extend(places.flat_map(|p| seen.value(layer, p).to_le_bytes()));
             }
             return Ok(Some(bytes));
         }
@@ -281,24 +297,9 @@ impl Version {
             certainty: cell.as_ref().map(|c| c.certainty),
             class: cell.as_ref().map_or(traversability::UNKNOWN, |c| c.class),
             known_share: cell.as_ref().map(|c| c.known_share),
-            seen: height_m.and_then(|_| self.seen(p)),
+            seen: height_m.and_then(|_| self.seen.as_ref()?.at(p)),
             components: cell.iter().flat_map(|c| c.components()).map(component).collect(),
         }
-    }
-
-    /// Which pair saw the node at a place, and when; none where no pair and no map from before tells.
-    fn seen(&self, p: Point2<f64>) -> Option<CellSeen> {
-        let seen = self.seen.as_ref()?;
-        let cell = seen.map.cell_at(p).filter(fusion::Cell::is_ground)?;
-        let is_prior = cell.flags.any(Flags::PRIOR);
-        Some(CellSeen {
-            camera: seen.pairs.get(&cell.source).filter(|_| !is_prior).cloned(),
-            capture_time: Timestamp(u64::try_from(cell.time_ns).unwrap_or(0)),
-            sigma_m: f64::from(cell.variance_m2).sqrt(),
-            observations: cell.count,
-            prior: is_prior,
-            hidden: cell.flags.any(Flags::MASKED),
-        })
     }
 
     /// The map as a file: GeoTIFF of the heights and, where they lie on the same grid, the layers of

@@ -63,6 +63,8 @@ pub struct ImageOrder {
     pub pairs: Vec<String>,
     /// Size of the images as a share of the pair's own, within [`SCALE`].
     pub scale: f64,
+    /// The same of single pairs, by name, where it is another.
+    pub scales: BTreeMap<String, f64>,
     /// Bits of gray that are kept, 4 to 8.
     pub depth_bits: u8,
     /// Rate at which pieces are handed to the transmitter (bit/s), within [`RATE_BPS`].
@@ -381,6 +383,9 @@ impl Cameras {
             inside.then_some(()).ok_or(ImageRefusal::Range { field, value, least, most })
         };
         within("scale", order.scale, SCALE)?;
+        for scale in order.scales.values() {
+            within("scales", *scale, SCALE)?;
+        }
         within("depth_bits", order.depth_bits.into(), DEPTH_BITS.map(f64::from))?;
         within("rate_bps", order.rate_bps.unwrap_or(RATE_DEFAULT_BPS), RATE_BPS)?;
         within("calibration_errors", order.effects.calibration_errors, [0.0, 10.0])?;
@@ -396,7 +401,8 @@ impl Cameras {
                 return Err(ImageRefusal::Twice { pair: short() });
             }
             let refuse = |error| ImageRefusal::Pair { pair: short(), error };
-            let size = scaled(pair.left.size(), order.scale).map_err(refuse)?;
+            let scale = order.scales.get(name).copied().unwrap_or(order.scale);
+            let size = scaled(pair.left.size(), scale).map_err(refuse)?;
             let pair = pair.resized(size).map_err(refuse)?;
             if size.len() > IMAGE_BYTES_MAX {
                 return Err(ImageRefusal::TooLarge { bytes: size.len(), most: IMAGE_BYTES_MAX });

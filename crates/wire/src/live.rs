@@ -40,8 +40,8 @@ pub mod channel {
     pub const ROVER_REACH: &str = "rover/reachability";
     /// [`super::ImageReceived`]: an image of the rover has come whole.
     pub const IMAGE: &str = "image/received";
-    /// [`crate::reconstruction::ReconstructionRecord`]: a map was made of images.
-    pub const RECONSTRUCTION: &str = "terrain/reconstruction";
+    /// [`crate::reconstruction::MapRecord`]: what a version of the map was made of.
+    pub const MAP: &str = "terrain/map";
     /// [`super::LogGap`]: messages that the flight log lacks (in logs only).
     pub const LOG_GAP: &str = "log/gap";
     /// All channels, in a fixed order.
@@ -56,7 +56,7 @@ pub mod channel {
         EVENT,
         ROVER_REACH,
         IMAGE,
-        RECONSTRUCTION,
+        MAP,
         LOG_GAP,
     ];
 }

@@ -1,9 +1,12 @@
 //! Stereo pairs of the live rover: what there is, what they would see, and the map made of them.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::live::{FailedPair, Side, SimulatedCameras};
+use crate::map_version::{HiddenGround, MapRegion};
 use crate::time::Timestamp;
 
 /// Most pairs of one request: each has a bit in the mask of a coverage.
@@ -12,6 +15,8 @@ pub const CAMERAS_MAX: usize = 16;
 pub const RESOLUTION_M: [f64; 2] = [0.02, 1.0];
 /// Range of the size of images, as a share of the pair's own.
 pub const SCALE: [f64; 2] = [0.25, 1.0];
+/// Range of the radius of a region (m).
+pub const REGION_RADIUS_M: [f64; 2] = [0.5, 100.0];
 
 /// The stereo pairs of the live rover: `GET /rover/cameras`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -35,6 +40,14 @@ pub struct CameraAnswer {
     pub size_px: [usize; 2],
     /// Distance between the cameras (m).
     pub baseline_m: f64,
+    /// Middle between the cameras in the link's frame (m).
+    pub position_m: [f64; 3],
+    /// Where it looks, about the link's z from its x (rad).
+    pub azimuth_rad: f64,
+    /// ... and above the link's x-y plane (rad).
+    pub elevation_rad: f64,
+    /// Across the image (rad).
+    pub field_of_view_rad: f64,
     /// Depths that count (m).
     pub range_m: [f64; 2],
     /// Bytes of both images, 8 bits a pixel, before any compression.
@@ -87,7 +100,12 @@ pub struct CoverageAnswer {
     pub mask_base64: String,
     /// The pairs, in the order of their bits.
     pub cameras: Vec<CoverageOfPair>,
-    /// Share of the known nodes that at least one pair sees.
+    /// What hides ground that no pair sees and one would see without the robot, largest area first.
+    pub hidden: Vec<HiddenGround>,
+    /// For each node, in the order of `mask_base64`, a byte in base64: 0, or i + 1 where the i-th of
+    /// `hidden` hides the ground.
+    pub hidden_base64: String,
+    /// Share of the nodes that at least one pair sees.
     pub seen_share: f64,
     /// Bytes of all images before any compression.
     pub raw_bytes: usize,
@@ -106,7 +124,7 @@ pub struct CoverageOfPair {
     pub bit: u8,
     /// Ground that it sees (m²).
     pub area_m2: f64,
-    /// Share of the known nodes that it sees.
+    /// Share of the nodes that it sees.
     pub seen_share: f64,
     /// Bytes of its two images before any compression.
     pub raw_bytes: usize,
@@ -179,6 +197,12 @@ pub struct ReconstructionRequest {
     /// Begin anew, without what earlier reconstructions saw.
     #[serde(default)]
     pub anew: bool,
+    /// Ground outside of this disc is left out; all is taken where absent.
+    #[serde(default)]
+    pub region: Option<MapRegion>,
+    /// Size of the images of single pairs, by name, where other than `scale`: fine near, coarse far.
+    #[serde(default)]
+    pub scales: BTreeMap<String, f64>,
 }
 
 /// A map that was made: `GET /terrain/reconstructions/{id}`.
@@ -249,29 +273,79 @@ pub struct ReconstructedPair {
     pub fit_refused: bool,
 }
 
-/// A map that was made of images: all that it takes to make it again from a flight log.
+/// A version of the map that cameras made, and all that it takes to make it again from a flight log.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
-pub struct ReconstructionRecord {
-    /// The version of the map that it became, named by its content.
+pub struct MapRecord {
+    /// The version, named by its content.
     pub terrain_version: String,
-    /// Name of the blended map with variances, times and sources, by its content.
-    pub blended: String,
-    /// Its identity.
-    pub id: String,
-    /// Did it go on from the reconstruction before, rather than begin anew?
-    pub continued: bool,
-    /// The map that was laid beneath by this one; none where there was one already, or none is kept.
+    /// Name of the blended map beneath it, with variances, times and sources, by its content; none where
+    /// the map from before is in use again.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub prior_version: Option<String>,
+    pub blended: Option<String>,
+    /// The version that it goes on from; none where it begins anew.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub from: Option<String>,
+    /// What was done.
+    pub step: MapStep,
+}
+
+/// How a version of the map came from the one before.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum MapStep {
+    /// Pairs were blended in.
+    Seen(SeenStep),
+    /// A pair was taken out.
+    Removed {
+        /// Number of its map.
+        source: u32,
+    },
+    /// A pair was put where it says it is, or where it fitted.
+    Fit {
+        /// Number of its map.
+        source: u32,
+        /// Where it fitted.
+        fitted: bool,
+    },
+    /// An older version was put in use again.
+    Selected {},
+}
+
+/// Pairs that were blended in.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SeenStep {
+    /// The reconstruction.
+    pub id: String,
+    /// The map that was laid beneath in this step; none where there was one already, or none is kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub prior: Option<String>,
     /// Was the map from before kept where no pair saw ground?
     pub keep_prior: bool,
     /// Distance of the nodes (m).
     pub resolution_m: f64,
-    /// The pairs in the order that they were blended in, as `capture/pair`.
-    pub images: Vec<String>,
-    /// BLAKE3 of their images in this order, left before right.
-    pub hashes: Vec<[String; 2]>,
+    /// Ground outside of this was left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub region: Option<MapRegion>,
+    /// Where wheels stood (m).
+    pub wheels_m: Vec<[f64; 3]>,
+    /// The time that they, and the map from before, count from.
+    pub time: Timestamp,
+    /// The pairs in the order that they were blended in.
+    pub pairs: Vec<RecordedPair>,
+}
+
+/// The images of a pair that a map was made of.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RecordedPair {
+    /// The capture.
+    pub capture: String,
+    /// The pair.
+    pub pair: String,
+    /// BLAKE3 of the left and the right image.
+    pub hashes: [String; 2],
 }
 
 /// The images that were received: `GET /rover/images`.

@@ -6,6 +6,7 @@ use utoipa::ToSchema;
 use crate::live::{
     CommandBody, CommandRecord, LinkReport, PlanCommandRef, RoverTelemetry, StabilityDerived,
 };
+use crate::map_version::{VersionChanges, VersionPair};
 use crate::scene::{Payload, Recipe};
 use crate::time::Timestamp;
 
@@ -142,6 +143,18 @@ pub struct TerrainVersion {
     pub zooms: usize,
     /// Layers that can be asked for.
     pub layers: Vec<String>,
+    /// What came of it against the version before; none of an imported map.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub changes: Option<VersionChanges>,
+    /// The captures of stereo pairs in it, in order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub pairs: Vec<VersionPair>,
+    /// What the values of `source` tiles stand for, from 1 on.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sources: Vec<String>,
+    /// Newest capture in it, on board; none of an imported map.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub captured: Option<Timestamp>,
 }
 
 /// `GET /terrain/versions`.

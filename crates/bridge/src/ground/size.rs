@@ -44,7 +44,9 @@ fn of_body(body: &CommandBody) -> usize {
         }
         CommandBody::WheelLine { .. } => 1 + 3 * NUMBER,
         CommandBody::Stop {} => 1,
-        CommandBody::Image(order) => 1 + 6 * NUMBER + NUMBER * order.pairs.len(),
+        CommandBody::Image(order) => {
+            1 + 6 * NUMBER + NUMBER * (order.pairs.len() + 2 * order.scales.len())
+        }
     }
 }
 

@@ -21,6 +21,7 @@ impl SimAdapter {
             id: id.clone(),
             pairs: order.pairs.clone(),
             scale: order.scale,
+            scales: order.scales.clone(),
             depth_bits: order.depth_bits,
             rate_bps: order.rate_bps,
             effects: Effects {

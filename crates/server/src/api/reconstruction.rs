@@ -25,7 +25,7 @@ use wire::resources::ErrorBody;
 use crate::app::AppState;
 use crate::body::{Body, Operator, Path};
 use crate::error::ApiError;
-use crate::reconstruction;
+use crate::reconstruction::{self, hidden};
 use crate::stop::Stop;
 
 /// Time allowed for a coverage (s): less than for any answer.
@@ -66,12 +66,18 @@ async fn cameras(State(app): State<AppState>) -> Result<Json<CamerasAnswer>, Api
             Some("haz") => "hazcam",
             _ => "other",
         };
+        let middle = nalgebra::center(&pair.left.center(), &pair.right.center());
+        let looks = pair.left.axes() * nalgebra::Vector3::z();
         CameraAnswer {
             name: pair.name.clone(),
             kind: kind.into(),
             link: robot.links()[pair.link.0].name.clone(),
             size_px: [size.width, size.height],
             baseline_m: (pair.right.center() - pair.left.center()).norm(),
+            position_m: middle.into(),
+            azimuth_rad: looks.y.atan2(looks.x),
+            elevation_rad: looks.z.clamp(-1.0, 1.0).asin(),
+            field_of_view_rad: 2.0 * (0.5 * size.width as f64 / pair.left.focal()[0]).atan(),
             range_m: pair.range,
             raw_bytes: pair.raw_bytes(),
             downlink_s: seconds(pair.raw_bytes(), rate),
@@ -100,23 +106,32 @@ async fn camera_coverage(
     let (robot, configuration) = (app.live.robot().clone(), app.live.configuration()?);
     let posture = Posture::new(&robot, &configuration);
     let version = app.store.current();
+    let wheels = reconstruction::standing(&app.live.latest()?.frame);
     let grid = grid_about(&version.map, &posture, &pairs, resolution_m)?;
     let stop = Stop::after(Some(COVERAGE_DEADLINE_S))?;
     let asked = stop.clone();
-    let (map, looked) = (version.map.clone(), pairs);
+    let seen = version.clone();
     let work = move || {
-        let pairs: Vec<&CameraPair> = looked.iter().collect();
-        coverage(&pairs, &robot, &posture, &map, &grid, &|| asked.asked())
+        // Whether a hole would be closed is to be told before: its ground is guessed.
+        let map = hidden::guessed(&seen.map, &wheels);
+        let looked: Vec<&CameraPair> = pairs.iter().collect();
+        let stop = || asked.asked();
+        let covered = coverage(&looked, &robot, &posture, &map, &grid, &stop)?;
+        let (told, mask) = hidden::hidden(&covered, &pairs, &robot, &posture, &map, &stop)?;
+        Ok((covered, told, mask))
     };
-    let covered = app.gate.run(&stop, work).await?.map_err(|error| match error {
-        StereoError::Stopped => {
-            let message = "the coverage took too long: give a coarser resolution_m or fewer pairs";
-            ApiError::new("deadline", message)
-        }
-        other => ApiError::new("out_of_range", other.to_string()),
-    })?;
+    let (covered, told, mask) =
+        app.gate.run(&stop, work).await?.map_err(|error: StereoError| match error {
+            StereoError::Stopped => {
+                let message =
+                    "the coverage took too long: give a coarser resolution_m or fewer pairs";
+                ApiError::new("deadline", message)
+            }
+            other => ApiError::new("out_of_range", other.to_string()),
+        })?;
     let rate = downlink_bps(&app);
-    Ok(Json(coverage_answer(&covered, &version.map, version.info.version.clone(), rate)))
+    let answer = coverage_answer(&covered, version.info.version.clone(), rate);
+    Ok(Json(CoverageAnswer { hidden: told, hidden_base64: STANDARD.encode(mask), ..answer }))
 }
 
 /// The part of the map that the pairs may reach from where they are.
@@ -148,18 +163,11 @@ fn grid_about(
 
 fn coverage_answer(
     covered: &Coverage,
-    map: &ElevationMap,
     terrain_version: String,
     rate: Option<f64>,
 ) -> CoverageAnswer {
     let grid = covered.grid;
-    let mut n_known = 0_usize;
-    for iy in 0..grid.ny {
-        for ix in 0..grid.nx {
-            n_known += usize::from(map.height_at(grid.position(ix, iy)).is_some());
-        }
-    }
-    let share = |n: usize| n as f64 / n_known.max(1) as f64;
+    let share = |n: usize| n as f64 / grid.len().max(1) as f64;
     let mut mask = vec![0_u16; grid.len()];
     let mut cameras = Vec::with_capacity(covered.pairs.len());
     for (bit, pair) in covered.pairs.iter().enumerate() {
@@ -187,6 +195,8 @@ fn coverage_answer(
         size: [grid.nx, grid.ny],
         mask_base64: STANDARD.encode(bytes),
         cameras,
+        hidden: Vec::new(),
+        hidden_base64: String::new(),
         seen_share: share(mask.iter().filter(|cell| **cell != 0).count()),
         raw_bytes,
         downlink_s: seconds(raw_bytes, rate),

@@ -47,7 +47,7 @@ async fn versions(State(app): State<AppState>) -> Json<TerrainVersions> {
     get, path = "/terrain/{version}/tiles/{layer}/{z}/{x}/{y}", tag = "terrain",
     params(
         ("version" = String, Path, description = "Version of the map"),
-        ("layer" = String, Path, description = "height, slope, roughness, step, goodness, certainty or class"),
+        ("layer" = String, Path, description = "height, slope, roughness, step, goodness, certainty or class; of maps that cameras made also sigma, count, age, source and mask (1 seen, 2 hidden by the robot, 3 by the seam of its image, 4 contradictory, 5 from the map before, 6 a wheel stood there)"),
         ("z" = usize, Path, description = "Zoom, from 0 (the map's own nodes) to below `zooms`"),
         ("x" = usize, Path, description = "Column of the tile"),
         ("y" = usize, Path, description = "Row of the tile"),

@@ -12,9 +12,11 @@ use stereo::{GrayImage, ImageSize, StereoError};
 use terrain::TerrainError;
 use terrain::fusion::{self, Measurement, PairDem, RasterizeOptions, rasterize};
 use wire::check::{At, RequestError};
+use wire::map_version::MapRegion;
 use wire::reconstruction::ReconstructedPair;
 
 use super::Work;
+use super::pictures::{self, PairPictures};
 use crate::stop::Stop;
 use crate::terrains::terrain_error;
 
@@ -39,6 +41,13 @@ pub struct Seen {
     counts: TagCounts,
 }
 
+impl Seen {
+    /// The images and disparities, to be looked at.
+    pub fn pictures(&self, images: &PairImages) -> PairPictures {
+        pictures::draw(&images.images, &self.found)
+    }
+}
+
 impl PairImages {
     /// Draws what the pair of the simulated rover sees of the ground that it stands on, in the posture
     /// last reported.
@@ -48,7 +57,7 @@ impl PairImages {
         stop: &Stop,
     ) -> Result<PairImages, StereoError> {
         let size = pair.left.size();
-        let scaled = |n: usize| (n as f64 * work.scale).round() as usize;
+        let scaled = |n: usize| (n as f64 * work.scale_of(&pair.name)).round() as usize;
         let size = ImageSize::new(scaled(size.width), scaled(size.height))?;
         let pair = pair.resized(size)?;
         let scene = RayScene::new(Some(&work.ground), Some((&work.robot, &work.posture)));
@@ -92,6 +101,7 @@ pub fn map_of(
     images: &PairImages,
     seen: &Seen,
     resolution_m: f64,
+    region: Option<MapRegion>,
 ) -> Result<(ReconstructedPair, Option<PairDem>), RequestError> {
     let Seen { found, counts } = seen;
     let health = &found.health;
@@ -108,7 +118,14 @@ pub fn map_of(
             Tag::ShadowBand => fusion::Tag::ShadowBand,
         },
     };
-    let points: Vec<Measurement> = found.surface.points.iter().map(measurement).collect();
+    let inside = |m: &Measurement| {
+        region.is_none_or(|region| {
+            let off = m.position_m.xy() - nalgebra::Point2::from(region.center_m);
+            off.norm() <= region.radius_m
+        })
+    };
+    let points: Vec<Measurement> =
+        found.surface.points.iter().map(measurement).filter(inside).collect();
     let options = RasterizeOptions {
         resolution_m,
         variance_max_m2: HEIGHT_SIGMA_MAX_M * HEIGHT_SIGMA_MAX_M,

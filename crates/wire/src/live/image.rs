@@ -4,6 +4,7 @@
 //! head and pieces of [`PIECE_BYTES`]; `End` is behind the last one. The ground asks for what is missing
 //! then, and lets the capture go once it has all.
 
+use std::collections::BTreeMap;
 use std::fmt;
 
 use base64::Engine;
@@ -34,6 +35,9 @@ pub struct ImageOrder {
     /// Size of the images as a share of the pair's own, 0.25 to 1; 0.5 where absent.
     #[serde(default = "half")]
     pub scale: f64,
+    /// Size of the images of single pairs, by name, where other than `scale`.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub scales: BTreeMap<String, f64>,
     /// Bits of gray that are kept, 4 to 8; 8, which loses nothing, where absent. With 6 an image has
     /// about half the bytes: what is lost is mostly noise.
     #[serde(default = "eight")]
