@@ -4,6 +4,7 @@ mod analysis;
 mod authority;
 mod commands;
 mod foxglove;
+mod images;
 mod jobs;
 mod log_notes;
 mod logs;
@@ -64,6 +65,9 @@ const BODY_PAUSE: Duration = Duration::from_secs(20);
         wire::live::EventNotice,
         wire::live::ReachSummary,
         wire::live::LogGap,
+        wire::live::Downlink,
+        wire::live::ImageReceived,
+        wire::reconstruction::MapRecord,
         wire::live::GapReason,
     ))
 )]
@@ -75,6 +79,7 @@ fn described() -> OpenApiRouter<AppState> {
         .merge(rover::routes())
         .merge(terrain::routes())
         .merge(reconstruction::routes())
+        .merge(images::routes())
         .merge(map_versions::routes())
         .merge(plans::routes())
         .merge(commands::routes())

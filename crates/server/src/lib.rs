@@ -15,6 +15,7 @@ pub mod config;
 pub mod error;
 mod foxglove;
 pub mod gate;
+pub mod imaging;
 mod import;
 pub mod jobs;
 pub mod live;

@@ -279,7 +279,7 @@ fn apply(robot: &Robot, body: &CommandBody, end: End, configuration: &mut Config
                 put(leg, joints_rad);
             }
         }
-        CommandBody::WheelLine { .. } | CommandBody::Stop {} => {}
+        CommandBody::WheelLine { .. } | CommandBody::Stop {} | CommandBody::Image(_) => {}
     }
 }
 

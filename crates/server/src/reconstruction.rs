@@ -1,22 +1,24 @@
 //! From stereo pairs of the live rover to a new version of the map, as a job.
 //!
-//! The simulated rover has no cameras in its link yet: the server draws the images itself, of the ground
-//! that the rover stands on and the posture last reported (`PairImages::simulated`). They do not
-//! pass the link, take none of its time, and are not logged; `downlink_s` of `GET /rover/cameras` tells what
-//! they would take. All that follows needs the value [`PairImages`] only, so images that came down may take
-//! their place.
+//! The images come from the rover over its link ([`request`]): the job sends an `image` command as an operator
+//! would, and waits for what comes down; or it takes images that are here already. From there on nothing counts
+//! but the images received, the posture that came with them, and the settings of the request, so that the
+//! same map can be made again from the flight log ([`rebuild`]), byte for byte.
 //!
-//! Matching, self-mask and rasterizing (`pair`) give a map of each pair; these are blended into one
+//! Matching, self-mask and rasterizing (`pair`) give a map of each pair; these are blended ([`blend`]) into one
 //! [`Mapper`] that lasts until another ground is imported. A reconstruction that fails or is cancelled
 //! leaves it as it was.
 //!
-//! One runs at a time, on two threads. At half size (512 x 384 px) a pair takes about 1.3 s, at full size
-//! 3 to 7 s (two cores, shared), three quarters of it for drawing; both are asked to stop once a row. Memory is
-//! that of two images, their points (about 150 bytes each) and the blended map.
+//! One runs at a time, on two threads; at half size (512 x 384 px) a pair is matched in about 0.4 s, and work is
+//! asked to stop once a row. Memory is that of the images, the points of a pair (about 150 bytes each) and the
+//! blended map.
 
+mod blend;
 pub mod hidden;
 mod pair;
 pub mod pictures;
+pub mod rebuild;
+mod request;
 pub mod versions;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -25,28 +27,30 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use bytes::Bytes;
 use geometry::{Grid, Raster};
 use nalgebra::{Point2, Point3};
-use rover::{Posture, Robot};
+use rover::Robot;
 use stereo::StereoError;
 use stereo::rig::{CameraPair, Rig};
-use terrain::fusion::{AlignSettings, Correction, Input, MapSettings, MapVersion, Mapper, PairDem, ReadPolicy};
+use terrain::fusion::{Correction, Input, MapSettings, MapVersion, Mapper, PairDem, ReadPolicy};
 use terrain::{ElevationMap, Source, SourceKind};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::sync::Semaphore;
 use wire::check::{self, At, RequestError};
-use wire::live::{JobReport, RoverTelemetry};
+use wire::live::{FailedPair, RoverTelemetry};
 use wire::map_version::{MapRegion, VersionPair, VersionStep};
 use wire::reconstruction::{
-    CAMERAS_MAX, REGION_RADIUS_M, RESOLUTION_M, ReconstructionAnswer, ReconstructionRequest, SCALE,
+    CAMERAS_MAX, MapStep, PairProgress, PairStage, REGION_RADIUS_M, ReconstructionAnswer,
+    ReconstructionRequest, SCALE, SeenStep,
 };
-use wire::time::Timestamp;
 
 use crate::app::AppState;
 use crate::error::ApiError;
 use crate::jobs::JobHandle;
 use crate::stop::Stop;
-use crate::terrain_store::source_text;
+use crate::terrain_store::{source_text, version_name};
 use crate::terrains::terrain_error;
 
+pub use blend::PairSource;
 pub use pair::PairImages;
+pub use request::start;
 use pictures::Pictures;
 
 /// Time allowed for a reconstruction (s).
@@ -98,6 +102,8 @@ struct Blended {
     found: BTreeMap<u32, Correction>,
     /// Does the map from before count where no pair saw ground?
     keep_prior: bool,
+    /// The version that it stands for, or goes on from.
+    from: Option<String>,
 }
 
 impl Reconstructions {
@@ -148,24 +154,6 @@ impl Reconstructions {
     }
 }
 
-/// The stereo pairs of the live rover.
-pub async fn rig(app: &AppState) -> Result<Rig, ApiError> {
-    let app = app.clone();
-    let read = move || {
-        let (at, name) = (At::root("robot"), &app.config.rover.robot);
-        let toml = app.robots.toml(&at, name)?;
-        Rig::from_toml(&toml, app.live.robot()).map_err(|error| {
-            RequestError::at(
-                "robot_invalid",
-                &at,
-                format_args!("{name:?} has a rig in which {error}"),
-            )
-        })
-    };
-    let rig = tokio::task::spawn_blocking(read).await;
-    Ok(rig.map_err(|error| ApiError::internal("reading the rig", error))??)
-}
-
 /// The pairs that a request names, each once.
 pub fn chosen(rig: &Rig, names: &[String]) -> Result<Vec<CameraPair>, RequestError> {
     let at = At::root("cameras");
@@ -189,77 +177,16 @@ pub fn chosen(rig: &Rig, names: &[String]) -> Result<Vec<CameraPair>, RequestErr
 
 /// A reconstruction, checked.
 struct Work {
-    pairs: Vec<CameraPair>,
     robot: Arc<Robot>,
-    posture: Posture,
-    capture_time: Timestamp,
+    rig: Arc<Rig>,
     ground: ElevationMap,
     n_grounds: u64,
     resolution_m: f64,
     scale: f64,
-    scales: BTreeMap<String, f64>,
     region: Option<MapRegion>,
     seed: u64,
     keep_prior: bool,
     blended: Blended,
-    /// Where wheels stand (m).
-    wheels: Vec<Point3<f64>>,
-}
-
-impl Work {
-    /// Size of the images of a pair as a share of its own.
-    fn scale_of(&self, pair: &str) -> f64 {
-        self.scales.get(pair).copied().unwrap_or(self.scale)
-    }
-}
-
-/// Begins a reconstruction.
-pub async fn start(
-    app: AppState,
-    who: String,
-    request: ReconstructionRequest,
-) -> Result<JobReport, ApiError> {
-    let pairs = chosen(&rig(&app).await?, &request.cameras)?;
-    let resolution_m = request.resolution_m.unwrap_or(RESOLUTION_DEFAULT_M);
-    check::within(&At::root("resolution_m"), resolution_m, RESOLUTION_M, " m")?;
-    let scale =
-        check::within(&At::root("scale"), request.scale.unwrap_or(SCALE_DEFAULT), SCALE, "")?;
-    check_parts(&request, &pairs)?;
-    let busy = || ApiError::new("busy", "another reconstruction is under way; wait or cancel it");
-    let place = app.reconstructions.place.clone().try_acquire_owned().map_err(|_| busy())?;
-    let latest = app.live.latest()?;
-    let robot = app.live.robot().clone();
-    let state = &latest.frame.state;
-    let configuration = wire::convert::configuration(&At::root("state"), &robot, state)?;
-    let posture = Posture::new(&robot, &configuration);
-    let wheels = standing(&latest.frame);
-    // Taken before the job begins: beginning one locks the link's ground, which comes first elsewhere.
-    let work = {
-        let mut kept = app.reconstructions.locked();
-        let blended = begin(&kept, &request, resolution_m, pairs.len())?;
-        let seed = request.seed.unwrap_or(kept.n_begun);
-        kept.n_begun += 1;
-        Work {
-            pairs,
-            robot,
-            posture,
-            capture_time: latest.onboard_time,
-            ground: kept.ground.clone(),
-            n_grounds: kept.n_grounds,
-            resolution_m,
-            scale,
-            scales: request.scales,
-            region: request.region,
-            seed,
-            keep_prior: request.keep_prior.unwrap_or(true),
-            blended,
-            wheels,
-        }
-    };
-    let job = app.jobs.begin("reconstruction", Stop::after(Some(DEADLINE_S))?)?;
-    let report = app.jobs.get(job.id())?;
-    tokio::spawn(run(app, who, work, job, place));
-    Ok(report)
 }
 
 /// Where the wheels that bear the rover touch the ground (m).
@@ -313,84 +240,81 @@ fn begin(
         }
         return Ok(blended.clone());
     }
-    let settings = MapSettings { resolution_m, ..MapSettings::default() };
-    let at = At::root("resolution_m");
-    let mapper = Mapper::new(settings).map_err(|error| terrain_error(&at, &error))?;
-    Ok(Blended {
-        mapper,
-        has_prior: false,
-        next_source: 0,
-        names: BTreeMap::new(),
-        captures: Vec::new(),
-        found: BTreeMap::new(),
-        keep_prior: true,
-    })
+    Blended::new(resolution_m)
 }
 
-async fn run(app: AppState, who: String, work: Work, job: JobHandle, place: OwnedSemaphorePermit) {
-    let permit = match app.gate.enter().await {
-        Ok(permit) => permit,
-        Err(error) => return job.end(Err(error)),
-    };
-    let work = move || {
-        let outcome = reconstruct(&app, &who, work, &job);
-        // Whoever sees the end of the job finds the place free.
-        drop((place, permit));
-        job.end(outcome);
-    };
-    // A panic drops the job, which then counts as failed.
-    if let Err(error) = tokio::task::spawn_blocking(work).await {
-        tracing::error!("a reconstruction: {error}");
+impl Blended {
+    /// Nothing was seen yet.
+    fn new(resolution_m: f64) -> Result<Blended, RequestError> {
+        let settings = MapSettings { resolution_m, ..MapSettings::default() };
+        let at = At::root("resolution_m");
+        let mapper = Mapper::new(settings).map_err(|error| terrain_error(&at, &error))?;
+        Ok(Blended {
+            mapper,
+            has_prior: false,
+            next_source: 0,
+            names: BTreeMap::new(),
+            captures: Vec::new(),
+            found: BTreeMap::new(),
+            keep_prior: true,
+            from: None,
+        })
     }
 }
 
-fn reconstruct(app: &AppState, who: &str, work: Work, job: &JobHandle) -> Result<String, ApiError> {
+/// Blends what was received into the map, and puts it in use.
+fn reconstruct(
+    app: &AppState,
+    who: &str,
+    work: Work,
+    (sources, failed): (Vec<PairSource>, Vec<FailedPair>),
+    mut progress: Vec<PairProgress>,
+    job: &JobHandle,
+) -> Result<String, ApiError> {
     let mut blended = work.blended.clone();
-    let time_ns = i64::try_from(work.capture_time.0).unwrap_or(i64::MAX);
-    if work.keep_prior && !blended.has_prior {
-        job.progress(0.0, "the map from before");
-        add_prior(&mut blended, &work.ground, work.resolution_m, time_ns)?;
-    }
-    blended.keep_prior = work.keep_prior;
+    let latest = app.live.latest()?;
+    let step = SeenStep {
+        id: job.id().to_owned(),
+        prior: (work.keep_prior && !blended.has_prior).then(|| version_name(&work.ground)),
+        keep_prior: work.keep_prior,
+        resolution_m: work.resolution_m,
+        region: work.region,
+        wheels_m: standing(&latest.frame).into_iter().map(Into::into).collect(),
+        time: latest.onboard_time,
+        pairs: sources.iter().map(PairSource::recorded).collect(),
+    };
     let before = blended.mapper.version().clone();
-    let mut pictures = BTreeMap::new();
-    let mut pairs = Vec::with_capacity(work.pairs.len());
-    for (i, camera) in work.pairs.iter().enumerate() {
-        let tell = |share: f64, doing: &str| {
-            let share = (i as f64 + share) / work.pairs.len() as f64;
-            job.progress(0.9 * share, &format!("{}: {doing}", camera.name));
-        };
-        let refuse = |error: StereoError| stereo_error(job.stop(), &camera.name, &error);
-        tell(0.0, "images");
-        let images = PairImages::simulated(camera, &work, job.stop()).map_err(refuse)?;
-        tell(0.6, "matching");
-        let seen = pair::measure(&images, &work.robot, job.stop()).map_err(refuse)?;
-        tell(0.9, "blending");
-        job.stop().check()?;
-        pictures.insert(camera.name.clone(), seen.pictures(&images));
-        let (mut answer, dem) = pair::map_of(&images, &seen, work.resolution_m, work.region)?;
-        if let Some(dem) = dem {
-            let (at, source) = (At::root("cameras"), blended.next_source);
-            let fitted = blended
-                .mapper
-                .add_pair(source, Arc::new(dem), time_ns, &AlignSettings::default())
-                .map_err(|error| terrain_error(&at, &error))?;
-            blended.next_source += 1;
-            blended.names.insert(source, camera.name.clone());
-            answer.source = Some(source);
-            answer.shift_m = fitted.correction.translation_m.into();
-            answer.yaw_rad = fitted.correction.yaw_rad;
-            answer.fit_refused = fitted.refusal.is_some();
+    let on = |share: f64| request::IMAGES_SHARE + (0.95 - request::IMAGES_SHARE) * share;
+    let mut tell = |i: usize, stage: PairStage| {
+        let Some(of) = sources.get(i) else { return };
+        let known = progress.iter_mut().find(|p| p.pair == of.pair && p.stage < stage);
+        if let Some(known) = known {
+            let fraction = if stage == PairStage::Received { 0.0 } else { 1.0 };
+            (known.stage, known.fraction) = (stage, fraction);
         }
-        pairs.push(answer);
-    }
+        let part = match stage {
+            PairStage::Received => 0.0,
+            PairStage::Matched => 0.8,
+            _ => 1.0,
+        };
+        let doing = match stage {
+            PairStage::Received => "matching",
+            PairStage::Matched => "blending",
+            _ => "is in the map",
+        };
+        let share = (i as f64 + part) / sources.len() as f64;
+        job.progress_of(on(share), &format!("{}: {doing}", of.pair), &progress);
+    };
+    let site = blend::Site { robot: &work.robot, rig: &work.rig, ground: &work.ground };
+    let made = blend::blend(&mut blended, &site, &step, &sources, job.stop(), &mut tell)?;
+    let blend::Blend { pairs, pictures } = made;
+    let capture_time = sources.iter().map(PairSource::time).max().unwrap_or(latest.onboard_time);
     if pairs.iter().all(|pair| pair.cells == 0) {
         let message = "none of the pairs saw ground well enough: choose others, or a larger scale";
         return Err(ApiError::new("nothing_seen", message));
     }
-    blended.note(&pairs, work.capture_time, job.id());
-    blended.touch(&work.wheels, time_ns)?;
-    job.progress(0.9, "judges the ground");
+    blended.note(&pairs, capture_time, job.id());
+    job.progress(0.95, "judges the ground");
     let changes = blended.mapper.version().changes_since(&before);
     let names: Vec<&str> = pairs.iter().map(|pair| pair.name.as_str()).collect();
     let map = read(blended.mapper.version(), &work.ground, work.keep_prior, &names)?;
@@ -408,12 +332,13 @@ fn reconstruct(app: &AppState, who: &str, work: Work, job: &JobHandle) -> Result
     let answer = ReconstructionAnswer {
         id: job.id().to_owned(),
         terrain_version: version.info.version.clone(),
-        capture_time: work.capture_time,
+        capture_time,
         resolution_m: work.resolution_m,
         scale: work.scale,
         seed: work.seed,
         keep_prior: work.keep_prior,
         pairs,
+        failed,
         changed_cells: changes.cells,
         changed_m2: area(changes.cells),
         new_cells: changes.appeared,
@@ -424,7 +349,8 @@ fn reconstruct(app: &AppState, who: &str, work: Work, job: &JobHandle) -> Result
         "new map: {}; {:.1} m² changed, {:.1} m² seen for the first time",
         version.info.source, answer.changed_m2, answer.new_m2
     );
-    versions::put(app, who, version, work.n_grounds, &text, Some(blended))?;
+    let step = MapStep::Seen(step);
+    versions::put(app, who, version, work.n_grounds, &text, (Some(blended), step))?;
     let mut kept = app.reconstructions.locked();
     kept.answers.push_back(answer);
     while kept.answers.len() > ANSWERS_MAX {

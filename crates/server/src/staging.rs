@@ -13,6 +13,7 @@ use wire::resources::StageRequest;
 
 use crate::app::AppState;
 use crate::error::ApiError;
+use crate::imaging;
 use crate::live::hash_text;
 use crate::plans::{BASIS_JOINT_RAD, Present, StoredPlan, When};
 
@@ -126,8 +127,12 @@ fn by_hand(
     let latest = app.live.latest()?;
     let now = app.live.configuration()?;
     let at = At::root("body");
+    if let CommandBody::Image(order) = body {
+        return Ok(imaging::command(app, who, request.id.clone(), &at, order)?);
+    }
     let (title, duration_s) = match body {
-        CommandBody::Stop {} => ("Stop".to_owned(), 0.0),
+        // Images are not by way of the legs.
+        CommandBody::Stop {} | CommandBody::Image(_) => ("Stop".to_owned(), 0.0),
         CommandBody::JointPath { leg, knots } => {
             let id = convert::leg(&at.field("leg"), robot, leg)?;
             let path = joint_path(&at.field("knots"), robot, id, &now, knots)?;

@@ -39,7 +39,7 @@ fn frames(said: &[(Timestamp, Downlink)]) -> Vec<(Timestamp, &RoverTelemetry)> {
     said.iter()
         .filter_map(|(t, d)| match d {
             Downlink::Telemetry(frame) => Some((*t, frame)),
-            Downlink::Ack { .. } => None,
+            Downlink::Ack { .. } | Downlink::Image(_) => None,
         })
         .collect()
 }
@@ -48,7 +48,7 @@ fn acks(said: &[(Timestamp, Downlink)]) -> Vec<(AckStage, f64)> {
     said.iter()
         .filter_map(|(t, d)| match d {
             Downlink::Ack { stage, .. } => Some((*stage, t.seconds_since(START))),
-            Downlink::Telemetry(_) => None,
+            Downlink::Telemetry(_) | Downlink::Image(_) => None,
         })
         .collect()
 }

@@ -190,7 +190,7 @@ impl RoverAdapter for FakeRover {
                 }
                 self.say(now, &id, AckStage::Received);
             }
-            Uplink::Heartbeat {} => {}
+            Uplink::Heartbeat {} | Uplink::Image(_) => {}
             Uplink::EstopRelease { id } => {
                 self.stopped = false;
                 self.say(now, &id, AckStage::Completed);

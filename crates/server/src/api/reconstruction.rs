@@ -15,16 +15,17 @@ use terrain::ElevationMap;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 use wire::check::{self, At, RequestError};
-use wire::live::JobReport;
+use wire::live::{DEPTH_BITS, JobReport};
 use wire::reconstruction::{
-    CameraAnswer, CamerasAnswer, CoverageAnswer, CoverageOfPair, CoverageRequest, RESOLUTION_M,
-    ReconstructionAnswer, ReconstructionRequest,
+    CameraAnswer, CamerasAnswer, CoverageAnswer, CoverageOfPair, CoverageRequest, ImageCost,
+    RESOLUTION_M, ReconstructionAnswer, ReconstructionRequest, SCALE,
 };
 use wire::resources::ErrorBody;
 
 use crate::app::AppState;
 use crate::body::{Body, Operator, Path};
 use crate::error::ApiError;
+use crate::imaging;
 use crate::reconstruction::{self, hidden};
 use crate::stop::Stop;
 
@@ -56,7 +57,7 @@ fn seconds(bytes: usize, rate_bps: Option<f64>) -> Option<f64> {
     responses((status = 200, body = CamerasAnswer), (status = 422, body = ErrorBody))
 )]
 async fn cameras(State(app): State<AppState>) -> Result<Json<CamerasAnswer>, ApiError> {
-    let rig = reconstruction::rig(&app).await?;
+    let rig = app.live.rig().clone();
     let rate = downlink_bps(&app);
     let robot = app.live.robot();
     let camera = |pair: &CameraPair| {
@@ -100,9 +101,15 @@ async fn camera_coverage(
     State(app): State<AppState>,
     Body(request): Body<CoverageRequest>,
 ) -> Result<Json<CoverageAnswer>, ApiError> {
-    let pairs = reconstruction::chosen(&reconstruction::rig(&app).await?, &request.cameras)?;
+    let pairs = reconstruction::chosen(app.live.rig(), &request.cameras)?;
     let resolution_m = request.resolution_m.unwrap_or(COVERAGE_RESOLUTION_M);
     check::within(&At::root("resolution_m"), resolution_m, RESOLUTION_M, " m")?;
+    let scale = check::within(&At::root("scale"), request.scale.unwrap_or(0.5), SCALE, "")?;
+    let depth_bits = request.depth_bits.unwrap_or(8);
+    let [least, most] = DEPTH_BITS.map(f64::from);
+    check::within(&At::root("depth_bits"), depth_bits.into(), [least, most], " bits")?;
+    let sized: Vec<(&CameraPair, f64)> = pairs.iter().map(|pair| (pair, scale)).collect();
+    let cost = imaging::cost(&sized, depth_bits, &app.live.locked().0.link());
     let (robot, configuration) = (app.live.robot().clone(), app.live.configuration()?);
     let posture = Posture::new(&robot, &configuration);
     let version = app.store.current();
@@ -131,7 +138,7 @@ async fn camera_coverage(
         })?;
     let rate = downlink_bps(&app);
     let answer = coverage_answer(&covered, version.info.version.clone(), rate);
-    Ok(Json(CoverageAnswer { hidden: told, hidden_base64: STANDARD.encode(mask), ..answer }))
+    Ok(Json(CoverageAnswer { hidden: told, hidden_base64: STANDARD.encode(mask), cost, ..answer }))
 }
 
 /// The part of the map that the pairs may reach from where they are.
@@ -200,11 +207,12 @@ fn coverage_answer(
         seen_share: share(mask.iter().filter(|cell| **cell != 0).count()),
         raw_bytes,
         downlink_s: seconds(raw_bytes, rate),
+        cost: ImageCost { bytes: 0, downlink_s: None, total_s: 0.0 },
     }
 }
 
-/// Makes a new version of the map of what pairs see now, as a job: images, matching, self-mask, blending. One
-/// at a time. The images are drawn by the server and do not pass the link yet.
+/// Makes a new version of the map of what pairs see, as a job: images over the link, matching, self-mask,
+/// blending. One at a time. `pairs` of the job tells how far each pair is; cancelled, it lets the images go.
 #[utoipa::path(
     post, path = "/terrain/reconstructions", tag = "terrain", request_body = ReconstructionRequest,
     responses(

@@ -5,21 +5,28 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use bridge::catalog;
 use bridge::clip::{self, ClipNote, Selection};
 use bridge::doctor::{self, Severity};
-use bridge::reader::{Damage, Limits, ReadError};
+use bridge::reader::{Damage, IndexedLog, Limits, ReadError};
 use bridge::recorder::LogFolder;
 use bridge::rewrite::Contents;
 use bridge::verify;
 use clap::Subcommand;
 use serde_json::{Value, json};
-use wire::check::RequestError;
+use wire::check::{At, RequestError};
 use wire::time::Timestamp;
 
 use super::{Failure, Output, Verdict};
+use crate::config::Config;
 use crate::error::ApiError;
+use crate::imaging;
+use crate::reconstruction::rebuild::{self, Basis, Outcome, Rebuilt};
+use crate::robots::Robots;
+use crate::serve::{self, Mission};
+use crate::stop::Stop;
 
 /// Flight logs.
 #[derive(Debug, Subcommand)]
@@ -39,6 +46,16 @@ pub(super) enum LogCommand {
         /// Verify this log of the folder only.
         #[arg(long, value_name = "ID")]
         log: Option<String>,
+    },
+    /// Make every version of the map that cameras made again, from the images in the log, and tell whether
+    /// each is the same, byte for byte; exit status 1 if one is not.
+    Rebuild {
+        /// MCAP files of one log, in order, or the folder of its segments.
+        #[arg(required = true, value_name = "FILE")]
+        files: Vec<PathBuf>,
+        /// The configuration that the session was begun with: robot, and the map from before.
+        #[arg(long, value_name = "FILE")]
+        config: Option<PathBuf>,
     },
     /// Write what can be read of a damaged log to a new, complete file; exit status 3 if something
     /// is lost, 1 if nothing can be read.
@@ -74,6 +91,7 @@ pub(super) fn log(command: &LogCommand, output: Output) -> Result<Verdict, Failu
     match command {
         LogCommand::Info { files } => info(files, output),
         LogCommand::Verify { files, log } => verify(files, log.as_deref(), output),
+        LogCommand::Rebuild { files, config } => rebuild(files, config.as_deref(), output),
         LogCommand::Recover { files, out } => {
             write(files, &Selection::default(), "recovered_from", out, output)
         }
@@ -213,6 +231,41 @@ fn verify(paths: &[PathBuf], log: Option<&str>, output: Output) -> Result<Verdic
     }
     output.result(&answer(list, "files"))?;
     Ok(if sound { Verdict::Done } else { Verdict::No })
+}
+
+fn rebuild(paths: &[PathBuf], config: Option<&Path>, output: Output) -> Result<Verdict, Failure> {
+    let config = match config {
+        None => Config::demo(),
+        Some(path) => Config::load(path)
+            .map_err(|error| RequestError::new("config_invalid", error.to_string()))?,
+    };
+    let Mission { config, root, .. } = Mission::of(config);
+    let config = Arc::new(config);
+    let dirs = Some(config.server.robots_dir.clone()).filter(|dir| !dir.as_os_str().is_empty());
+    let robots = Arc::new(Robots::new(dirs.into_iter().collect()));
+    let robot = serve::robot_of(&config, &robots)?;
+    let rig = imaging::rig(&At::root("rover"), &robots, &config.rover.robot, &robot)?;
+    let ground = serve::first_map(&config, root)?;
+    let files = expand(paths)?;
+    let first = files.first().cloned().unwrap_or_default();
+    let mut log =
+        IndexedLog::open(&files, Limits::default()).map_err(|error| unreadable(&first, error))?;
+    let basis = Basis { robot: &robot, rig: &rig, ground: &ground };
+    let failed = |ApiError(info): ApiError| RequestError::new("log_damaged", info.message);
+    let versions = rebuild::rebuild(&mut log, &basis, &Stop::within(f64::MAX)).map_err(failed)?;
+    let told = |rebuilt: &Rebuilt| match &rebuilt.outcome {
+        Outcome::Same => json!({ "version": rebuilt.version, "same": true }),
+        Outcome::Differs { version, blended } => json!({
+            "version": rebuilt.version, "same": false, "rebuilt": version, "blended": blended
+        }),
+        Outcome::Lacks { why } => {
+            json!({ "version": rebuilt.version, "same": false, "message": why })
+        }
+    };
+    let list: Vec<Value> = versions.iter().map(told).collect();
+    output.result(&json!({ "versions": list, "damage": self::told(log.damage()) }))?;
+    let all_same = versions.iter().all(|rebuilt| rebuilt.outcome == Outcome::Same);
+    Ok(if all_same { Verdict::Done } else { Verdict::No })
 }
 
 fn write(

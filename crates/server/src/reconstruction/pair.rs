@@ -4,23 +4,21 @@ use rover::{Posture, Robot};
 use stereo::matching::Matching;
 use stereo::pair::{PairOptions, Reconstruction, reconstruct};
 use stereo::ray::RayScene;
-use stereo::render::{RenderOptions, render};
 use stereo::rig::CameraPair;
 use stereo::self_mask::{LinkSigmas, MaskOptions, PostureErrors, TagCounts, tag_robot};
 use stereo::surface::{Tag, TriangulateOptions};
-use stereo::{GrayImage, ImageSize, StereoError};
+use stereo::{GrayImage, StereoError};
 use terrain::TerrainError;
 use terrain::fusion::{self, Measurement, PairDem, RasterizeOptions, rasterize};
 use wire::check::{At, RequestError};
 use wire::map_version::MapRegion;
 use wire::reconstruction::ReconstructedPair;
 
-use super::Work;
 use super::pictures::{self, PairPictures};
 use crate::stop::Stop;
 use crate::terrains::terrain_error;
 
-/// Threads of drawing and matching; the result does not depend on them.
+/// Threads of matching; the result does not depend on them.
 const THREADS: usize = 2;
 /// Points whose height is less sure than this (m, standard deviation) do not become ground.
 const HEIGHT_SIGMA_MAX_M: f64 = 0.1;
@@ -45,33 +43,6 @@ impl Seen {
     /// The images and disparities, to be looked at.
     pub fn pictures(&self, images: &PairImages) -> PairPictures {
         pictures::draw(&images.images, &self.found)
-    }
-}
-
-impl PairImages {
-    /// Draws what the pair of the simulated rover sees of the ground that it stands on, in the posture
-    /// last reported.
-    pub(super) fn simulated(
-        pair: &CameraPair,
-        work: &Work,
-        stop: &Stop,
-    ) -> Result<PairImages, StereoError> {
-        let size = pair.left.size();
-        let scaled = |n: usize| (n as f64 * work.scale_of(&pair.name)).round() as usize;
-        let size = ImageSize::new(scaled(size.width), scaled(size.height))?;
-        let pair = pair.resized(size)?;
-        let scene = RayScene::new(Some(&work.ground), Some((&work.robot, &work.posture)));
-        let options = RenderOptions { threads: THREADS, ..RenderOptions::default() };
-        let [left, right] = pair.cameras(&work.posture);
-        // Each image has its own noise, which neither the choice of pairs nor their order changes.
-        let salt = pair.name.bytes().fold(work.seed, |salt, byte| {
-            (salt ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
-        });
-        let draw = |camera, side| {
-            render(&scene, camera, &options, salt.wrapping_add(side), &|| stop.asked())
-        };
-        let images = [draw(&left, 0)?, draw(&right, 1)?];
-        Ok(PairImages { pair, posture: work.posture.clone(), images })
     }
 }
 
@@ -143,6 +114,7 @@ pub fn map_of(
     let size = images.pair.left.size();
     let answer = ReconstructedPair {
         name: images.pair.name.clone(),
+        capture: String::new(),
         source: None,
         size_px: [size.width, size.height],
         epipolar_px: health.epipolar.map(|health| health.median_abs_dy),

@@ -6,7 +6,7 @@ use terrain::fusion::{Changes, Correction, Input, MapVersion};
 use wire::check::{At, RequestError};
 use wire::live::{EventLevel, TerrainNotice, channel};
 use wire::map_version::{VersionChanges, VersionPair, VersionStep};
-use wire::reconstruction::ReconstructedPair;
+use wire::reconstruction::{MapRecord, MapStep, ReconstructedPair};
 use wire::resources::TerrainVersion;
 use wire::time::Timestamp;
 
@@ -23,6 +23,16 @@ pub enum Change {
     Remove(u32),
     /// Put a capture where it fitted the map (true), or where it says it is.
     Fit(u32, bool),
+}
+
+impl Change {
+    /// As the log has it.
+    fn step(self) -> MapStep {
+        match self {
+            Change::Remove(source) => MapStep::Removed { source },
+            Change::Fit(source, fitted) => MapStep::Fit { source, fitted },
+        }
+    }
 }
 
 impl Blended {
@@ -69,7 +79,7 @@ impl Blended {
         names
     }
 
-    fn apply(&mut self, change: Change) -> Result<(VersionStep, String), ApiError> {
+    pub(super) fn apply(&mut self, change: Change) -> Result<(VersionStep, String), ApiError> {
         let (Change::Remove(source) | Change::Fit(source, _)) = change;
         let unknown = || {
             let message = format!(
@@ -148,6 +158,7 @@ impl Kept {
     /// Makes this the state that reconstructions go on from, and that the version stands for.
     pub(super) fn take(&mut self, version: &str, blended: Blended, most: usize) {
         self.states.retain(|(name, _)| name != version);
+        let blended = Blended { from: Some(version.to_owned()), ..blended };
         self.states.push_back((version.to_owned(), blended.clone()));
         while self.states.len() > most {
             self.states.pop_front();
@@ -225,7 +236,7 @@ fn changed(
     let map = read(&after, &ground, blended.keep_prior, &blended.pair_names())?;
     let made = app.store.prepare_seen(map, app.clock.now(), blended.seen_by(Some(changes)));
     let info = made.info.clone();
-    put(app, who, made, n_grounds, &format!("map changed: {what}"), Some(blended))?;
+    put(app, who, made, n_grounds, &format!("map changed: {what}"), (Some(blended), change.step()))?;
     Ok(info)
 }
 
@@ -244,7 +255,7 @@ pub fn select(app: &AppState, who: &str, name: &str) -> Result<TerrainVersion, A
         (state.map(|(_, blended)| blended.clone()), kept.n_grounds)
     };
     let info = version.info.clone();
-    put(app, who, version, n_grounds, &format!("map {name} is in use again"), blended)?;
+    put(app, who, version, n_grounds, &format!("map {name} is in use again"), (blended, MapStep::Selected {}))?;
     Ok(info)
 }
 
@@ -255,7 +266,7 @@ pub(super) fn put(
     version: Arc<Version>,
     n_grounds: u64,
     text: &str,
-    blended: Option<Blended>,
+    (blended, step): (Option<Blended>, MapStep),
 ) -> Result<(), ApiError> {
     let notice = TerrainNotice {
         version: version.info.version.clone(),
@@ -269,6 +280,12 @@ pub(super) fn put(
         let message = "another ground was imported meanwhile; ask again";
         return Err(ApiError::new("cancelled", message));
     }
+    let record = MapRecord {
+        terrain_version: notice.version.clone(),
+        blended: blended.as_ref().map(|blended| blended.mapper.version().id().to_string()),
+        from: blended.as_ref().and_then(|blended| blended.from.clone()),
+        step,
+    };
     match blended {
         Some(blended) => {
             kept.take(&notice.version, blended, app.config.server.terrain_versions_max);
@@ -281,6 +298,7 @@ pub(super) fn put(
     }
     app.store.put(version);
     ground.publish(now, channel::TERRAIN, &notice);
+    ground.publish(now, channel::MAP, &record);
     ground.notice(now, EventLevel::Info, who, text);
     Ok(())
 }
