@@ -11,7 +11,7 @@ fn present() -> RoverTelemetry {
     said.into_iter()
         .find_map(|(_, message)| match message {
             Downlink::Telemetry(frame) => Some(frame),
-            Downlink::Ack { .. } => None,
+            Downlink::Ack { .. } | Downlink::Image(_) => None,
         })
         .unwrap()
 }
@@ -40,7 +40,7 @@ fn outcome(change: &dyn Fn(&mut Uplink)) -> (AckStage, String) {
     let said = rover.advance(after(3.0));
     let mut acks = said.into_iter().filter_map(|(_, message)| match message {
         Downlink::Ack { stage, detail, .. } => Some((stage, detail.unwrap_or_default())),
-        Downlink::Telemetry(_) => None,
+        Downlink::Telemetry(_) | Downlink::Image(_) => None,
     });
     acks.next_back().unwrap()
 }

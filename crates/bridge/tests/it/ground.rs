@@ -117,6 +117,7 @@ fn uplink_ids(received: &Received) -> Vec<(Timestamp, String)> {
             id.clone()
         }
         Uplink::Heartbeat {} => "heartbeat".into(),
+        Uplink::Image(_) => "of images".into(),
     };
     received.lock().unwrap().iter().map(|(at, message)| (*at, id(message))).collect()
 }

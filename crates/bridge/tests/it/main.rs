@@ -15,6 +15,7 @@ mod estop;
 mod ground;
 mod histories;
 mod hostile;
+mod images;
 mod kill;
 mod link;
 mod recorder;

@@ -9,6 +9,7 @@ mod command_line;
 mod commanding;
 mod documents;
 mod foxglove;
+mod images;
 mod job;
 mod posture;
 mod real_terrain;

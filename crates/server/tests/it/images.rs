@@ -1,0 +1,173 @@
+//! Images of the rover: ordered as commands, sent over the link, served, logged, and made into maps again.
+
+use std::process::Command;
+
+use serde_json::{Value, json};
+use testkit::note_skipped;
+
+use crate::support::Ground;
+
+fn order(pairs: &[&str]) -> Value {
+    json!({ "type": "image", "pairs": pairs, "scale": 0.25, "simulated": { "seed": 5 } })
+}
+
+/// The capture of an ended command, once all of it has come or will not.
+async fn captured(ground: &Ground, id: &str) -> Value {
+    let path = format!("/api/v1/rover/images/{id}");
+    let ended = || async { ground.get(&path).await.json()["state"] != "on_the_way" };
+    ground.until("the images", ended).await;
+    ground.get(&path).await.json()
+}
+
+#[tokio::test]
+async fn images_are_a_command_like_any_other_and_are_served_whole() {
+    let ground = Ground::start().await;
+    // A dry run tells what it would cost, and stages nothing.
+    let dry = json!({ "body": order(&["haz1"]), "dry_run": true });
+    let answer = ground.post("commands", &dry).await;
+    assert_eq!(answer.status, 200, "{}", answer.json());
+    assert!(answer.json()["title"].as_str().unwrap().contains("haz1"), "{}", answer.json());
+    let listed = ground.get("/api/v1/commands").await.json();
+    assert_eq!(listed["commands"].as_array().unwrap().len(), 0);
+
+    let record = ground.execute_body(&order(&["haz1", "nav2"])).await;
+    assert_eq!(record["state"], "done", "{record}");
+    let id = record["id"].as_str().unwrap();
+    let capture = captured(&ground, id).await;
+    assert_eq!(capture["state"], "complete", "{capture}");
+    for (i, name) in ["haz1", "nav2"].iter().enumerate() {
+        let pair = &capture["pairs"][i];
+        assert_eq!((&pair["pair"], &pair["received"]), (&json!(name), &json!(true)));
+        assert_eq!(pair["id"], format!("{id}/{name}"));
+        assert_eq!(pair["bytes"], pair["bytes_total"]);
+        for image in pair["images"].as_array().unwrap() {
+            let png = ground.get(image["url"].as_str().unwrap()).await;
+            assert_eq!(png.headers["content-type"], "image/png");
+            let hash = blake3::hash(&png.bytes).to_hex().to_string();
+            assert_eq!(image["hash"], hash);
+            let decoded = stereo::codec::decode(&png.bytes).unwrap();
+            let size = [decoded.size().width, decoded.size().height];
+            assert_eq!(image["size_px"], json!(size));
+            // Not an even gray: there is ground, and sky or shadow.
+            let (mut low, mut high) = (u8::MAX, 0);
+            for value in decoded.pixels() {
+                (low, high) = (low.min(*value), high.max(*value));
+            }
+            assert!(high > low + 50, "{low} to {high}");
+        }
+    }
+    let gone = ground.call("DELETE", &format!("/api/v1/rover/images/{id}"), None).await;
+    assert_eq!((gone.status.as_u16(), gone.code().as_str()), (409, "images_ended"));
+    for path in ["x", &format!("{id}/haz1/middle.png"), &format!("{id}/haz2/left.png")] {
+        let answer = ground.get(&format!("/api/v1/rover/images/{path}")).await;
+        assert_eq!(answer.code(), "image_unknown", "{path}");
+    }
+}
+
+#[tokio::test]
+async fn a_map_is_made_of_images_that_are_here_and_made_again_from_the_log() {
+    let ground = Ground::start().await;
+    let record = ground.execute_body(&order(&["haz1", "haz2"])).await;
+    let id = record["id"].as_str().unwrap().to_owned();
+    captured(&ground, &id).await;
+    let here = json!({ "images": [format!("{id}/haz1"), format!("{id}/haz2")], "keep_prior": false });
+    let report = ground.job(&ground.post("terrain/reconstructions", &here).await).await;
+    assert_eq!(report["state"], "done", "{report}");
+    let stages: Vec<&Value> =
+        report["pairs"].as_array().unwrap().iter().map(|pair| &pair["stage"]).collect();
+    assert_eq!(stages, ["fused", "fused"]);
+    // Then more images, over the map from before, and one pair taken out.
+    let more = json!({ "cameras": ["nav1"], "scale": 0.25, "seed": 3, "keep_prior": true });
+    let more = ground.job(&ground.post("terrain/reconstructions", &more).await).await;
+    assert_eq!(more["state"], "done", "{more}");
+    let answer = ground.get(report["result"].as_str().unwrap()).await.json();
+    assert_eq!(answer["pairs"][0]["capture"], json!(id));
+    let versions = ground.get("/api/v1/terrain/versions").await.json();
+    let current = versions["current"].as_str().unwrap().to_owned();
+    let bad = json!({ "images": [format!("{id}/nav4")] });
+    let refused = ground.post("terrain/reconstructions", &bad).await;
+    assert_eq!(refused.code(), "image_unknown");
+    assert_eq!(refused.json()["error"]["details"]["field"], "images[0]");
+
+    let config = ground.dir.path().join("mission.toml");
+    std::fs::write(&config, "[terrain]\nwidth_m = 14.0\n").unwrap();
+    let log = ground.get("/api/v1/rover").await.json()["log_id"].as_str().unwrap().to_owned();
+    let dir = ground.finish().await;
+    let folder = dir.path().join("logs").join(log);
+    let rebuild = |config: Option<&std::path::Path>| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_footfall"));
+        command.args(["log", "rebuild"]).arg(&folder);
+        if let Some(config) = config {
+            command.arg("--config").arg(config);
+        }
+        let output = command.output().unwrap();
+        let told: Value = serde_json::from_slice(&output.stdout).unwrap_or_default();
+        (output.status.code(), told, String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let (code, told, error) = rebuild(Some(&config));
+    let versions = told["versions"].as_array().unwrap_or_else(|| panic!("{told} {error}"));
+    assert_eq!(versions.len(), 2, "{told}");
+    assert!(versions.iter().all(|version| version["same"] == true), "{told}");
+    assert_eq!((code, &versions[0]["version"]), (Some(0), &answer["terrain_version"]));
+    assert_eq!(versions[1]["version"], current);
+    // Other ground beneath is told by name: what lies on it cannot be the same.
+    let (code, told, _) = rebuild(None);
+    assert_eq!((code, &told["versions"][0]["same"]), (Some(1), &json!(true)), "{told}");
+    let why = told["versions"][1]["message"].as_str().unwrap_or_default();
+    assert!(why.contains("configuration"), "{told}");
+
+    // Readers of others see the same images.
+    let test = "server::a_map_is_made_of_images_that_are_here_and_made_again_from_the_log";
+    let files = bridge::catalog::log_files(&dir.path().join("logs"), folder.file_name().unwrap().to_str().unwrap()).unwrap();
+    let web = testkit::project_dir().join("web");
+    if web.join("node_modules/@mcap/core").is_dir() {
+        let mut node = Command::new("node");
+        let output = node.arg(web.join("conformance/mcap.mjs")).arg(&files[0]).output().unwrap();
+        let counts = String::from_utf8_lossy(&output.stdout).into_owned();
+        for topic in ["image", "calibration", "tf"] {
+            assert!(counts.contains(&format!("/camera/haz1/left/{topic} 1\n")), "{counts}");
+        }
+    } else {
+        note_skipped(test, "web/node_modules has no @mcap/core");
+    }
+    let Some(python) = std::env::var_os("FOOTFALL_PYTHON") else {
+        return note_skipped(test, "FOOTFALL_PYTHON names no Python with the package mcap");
+    };
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/camera_images.py");
+    let output = Command::new(python).arg(script).args(&files).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let read = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(read, "6 images, 6 calibrations, 6 places\n");
+}
+
+#[tokio::test]
+async fn a_lossy_narrow_link_brings_all_pieces_and_telemetry_does_not_wait() {
+    let ground = Ground::start().await;
+    let link = json!({
+        "up_delay_s": 0.02, "down_delay_s": 0.02,
+        "down": {
+            "rate_bps": 1_000_000.0, "seed": 4,
+            "loss": { "kind": "bernoulli", "probability": 0.02 }
+        }
+    });
+    assert_eq!(ground.call("PUT", "/api/v1/link", Some(&link)).await.status, 200);
+    let request = json!({ "cameras": ["haz3"], "scale": 0.25, "seed": 1, "keep_prior": false });
+    let accepted = ground.post("terrain/reconstructions", &request).await;
+    let report = ground.job(&accepted).await;
+    assert_eq!(report["state"], "done", "{report}");
+    let counters = ground.get("/api/v1/link").await.json()["down"].take();
+    assert!(counters["dropped_by"]["loss"].as_u64().unwrap() > 3, "pieces were lost: {counters}");
+
+    // What cannot come is told by the name of its pair; the job then ends by name, too.
+    let dead = json!({
+        "up_delay_s": 0.02, "down_delay_s": 0.02,
+        "down": { "queues": { "bulk": { "bytes": 1, "when_full": "drop_newest" } } }
+    });
+    assert_eq!(ground.call("PUT", "/api/v1/link", Some(&dead)).await.status, 200);
+    ground.clock.run_at(30.0);
+    let accepted = ground.post("terrain/reconstructions", &request).await;
+    let report = ground.job(&accepted).await;
+    assert_eq!((&report["state"], &report["error"]["code"]), (&json!("failed"), &json!("images_missing")));
+    assert_eq!(report["pairs"][0]["stage"], "failed", "{report}");
+    assert!(report["error"]["message"].as_str().unwrap().contains("haz3"), "{report}");
+}
