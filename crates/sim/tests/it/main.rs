@@ -10,6 +10,7 @@ use rover::{Configuration, LegAngles, LegId, Payload, Posture, Robot};
 use sim::{BodyKnot, Command, Event, JointKnot, Motion, SettleOptions, SimRover, Stage, settle};
 use terrain::{ElevationMap, Source};
 
+mod cameras;
 mod events;
 mod motion;
 mod preload;
