@@ -7,6 +7,7 @@
 //! *Write-ahead*: a command goes to the link only once its uplink message and its event are synced.
 //! An E-stop waits for nothing: neither for the log nor for what waits for the log, which it ends.
 
+mod carrier;
 mod operate;
 mod run;
 mod size;
@@ -17,7 +18,7 @@ use std::sync::Arc;
 use serde::Serialize;
 use tokio::sync::{Notify, oneshot};
 use wire::live::{
-    CommandEvent, CommandRecord, CommandState, Downlink, EventLevel, EventNotice, LinkClass,
+    CarrierState, CommandEvent, CommandRecord, CommandState, Downlink, EventLevel, EventNotice, LinkClass,
     LinkConfig, LinkReport, RoverTelemetry, StabilityDerived, Uplink, channel,
 };
 use wire::resources::LatestFrame;
@@ -25,16 +26,21 @@ use wire::time::Timestamp;
 
 use crate::adapter::RoverAdapter;
 use crate::bus::{Bus, ChannelMessage};
-use crate::commands::{Authority, AuthorityRules, CommandBook, CommandError, Estop, LightTimes};
+use crate::commands::{
+    Authority, AuthorityRules, CommandBook, CommandError, Estop, EstopMemory, LightTimes,
+};
 use crate::link::{self, Delivered, Direction, DropCause, LinkError, Notice};
 use crate::recorder::{Record, Recorder, RecorderError, RecorderStatus, Written};
 
+pub use carrier::Queues;
 pub use run::{STEP_S, run};
 
 /// Most commands under way at once.
 pub const UPLINK_MAX: usize = 2048;
 /// Most messages from the rover under way at once: 10 Hz over the longest delay, and as much again.
 pub const DOWNLINK_MAX: usize = 36_000;
+/// A release of an earlier session that has had no effect so long (s) after its light time never will.
+const RELEASE_SLACK_S: f64 = 2.0;
 /// The link is reported at least this often (s).
 const LINK_REPORT_S: f64 = 1.0;
 
@@ -65,6 +71,10 @@ pub struct Ground {
     link_reported: Option<Timestamp>,
     latest: Option<LatestFrame>,
     stability: Option<StabilityDerived>,
+    /// How the carrier was when it was looked at last.
+    carrier: Option<CarrierState>,
+    /// When a carrier that is not up was up last.
+    carrier_lost: Option<Timestamp>,
 }
 
 struct Pending {
@@ -169,6 +179,8 @@ impl Ground {
             link_reported: None,
             latest: None,
             stability: None,
+            carrier: None,
+            carrier_lost: None,
         })
     }
 
@@ -206,6 +218,7 @@ impl Ground {
         }
         self.hear_of_uplinks();
         self.listen(now);
+        self.watch_carrier(now);
         for arrived in self.down.take_due(now) {
             self.receive(arrived);
         }
@@ -215,6 +228,19 @@ impl Ground {
             self.publish(now, channel::EVENT, &notice);
         }
         if self.link_reported.is_none_or(|at| now.seconds_since(at) >= LINK_REPORT_S) {
+            self.report_link();
+        }
+    }
+
+    /// Takes over the E-stop of an earlier session: in force it stays, until an operator releases it.
+    pub fn restore_estop(&mut self, now: Timestamp, memory: EstopMemory) {
+        let now = self.tick(now);
+        let light = self.light_times(now);
+        let arrives = now.plus_seconds(light.up_s + light.spread_s + RELEASE_SLACK_S);
+        self.estop = Estop::restore(now, arrives, memory);
+        if self.estop.in_force() {
+            let text = "an E-stop of the last session is in force still: release it to go on";
+            self.notice(now, EventLevel::Critical, "server", text);
             self.report_link();
         }
     }
@@ -260,6 +286,7 @@ impl Ground {
             down: self.down.counters(),
             estop: self.estop.state(),
             authority: self.authority.report(self.now),
+            carrier: self.adapter.carrier(),
         }
     }
 
@@ -381,7 +408,7 @@ impl Ground {
             Downlink::Telemetry(frame) => self.receive_frame(onboard, sent, arrived, frame),
             Downlink::Ack { id, stage, detail } => {
                 let changed = if self.estop.knows(&id) {
-                    let changed = self.estop.acknowledged(&id, stage);
+                    let changed = self.estop.acknowledged(onboard, &id, stage);
                     if changed {
                         self.report_link();
                     }

@@ -17,6 +17,7 @@
 //! - [`seal`], [`recover`], [`doctor`]: complete files out of what was written, also after a crash.
 //! - [`reader`], [`catalog`]: reading any MCAP file, also a hostile one, within stated limits.
 //! - [`replay`]: a log played through the same channels.
+//! - [`carrier`]: a rover that is a process of its own: connection, resumption, its memory.
 //! - [`bus`]: every message, encoded once, for all listeners in the process.
 //! - [`ground`]: [`ground::Ground`] ties these together; [`ground::run`] drives it.
 //!
@@ -26,6 +27,7 @@
 pub mod adapter;
 pub mod bookmarks;
 pub mod bus;
+pub mod carrier;
 pub mod catalog;
 pub mod clip;
 pub mod clock;

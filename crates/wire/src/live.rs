@@ -9,9 +9,11 @@ use crate::analysis::StabilityPreference;
 use crate::scene::{Pose, RoverState};
 use crate::time::Timestamp;
 
+mod carrier;
 mod command;
 mod link;
 
+pub use carrier::*;
 pub use command::*;
 pub use link::*;
 
@@ -559,6 +561,9 @@ pub struct LinkReport {
     /// Who may command.
     #[serde(default)]
     pub authority: AuthorityReport,
+    /// The connection to the rover, where that is a process of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub carrier: Option<CarrierReport>,
 }
 
 /// What the ground knows of the E-stop.

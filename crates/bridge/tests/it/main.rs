@@ -5,6 +5,7 @@
 mod authority;
 mod basis;
 mod bus;
+mod carrier;
 mod chain;
 mod clock;
 mod commands;
@@ -23,3 +24,4 @@ mod sim_adapter;
 mod sim_fs;
 mod stock_reader;
 mod support;
+mod virtual_wire;
