@@ -47,6 +47,11 @@ pub fn start(app: AppState, who: String, request: ImportRequest) -> Result<JobRe
 }
 
 fn rover_is_idle(app: &AppState) -> Result<(), ApiError> {
+    if app.live.locked().0.carrier().is_some() {
+        let message = "the rover is a process of its own, which stands on its own ground; start \
+                       rover and server on the other ground";
+        return Err(ApiError::new("rover_remote", message));
+    }
     if app.live.latest()?.frame.mode == RoverMode::Idle {
         return Ok(());
     }

@@ -4,13 +4,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use tokio::io::AsyncWriteExt;
-use tokio::net::TcpListener;
+use tokio::net::{TcpListener, TcpStream};
 use wire::live::{AckStage, Downlink, Uplink};
 use wire::time::Timestamp;
 
 use super::converse::{Shared, converse};
 use super::end::{Bounds, End, Identity};
-use super::frame::Side;
+use super::frame::{CarrierError, Side};
 use super::journal::{Journal, JournalError};
 use super::remote::Said;
 use crate::adapter::RoverAdapter;
@@ -117,39 +117,59 @@ pub async fn run(host: Arc<Mutex<RoverHost>>, clock: Arc<dyn Clock>) -> JournalE
     }
 }
 
-/// Takes one ground at a time for ever; others are told that there is one.
+/// Takes one ground at a time for ever; others are told that there is one. A connection that has not
+/// greeted yet gives way to a newer one: it may be the rest of one that was given up.
 pub async fn listen(shared: Arc<RoverEnd>, listener: TcpListener, clock: Arc<dyn Clock>) {
+    let mut next = None;
     loop {
-        let stream = match listener.accept().await {
-            Ok((stream, _)) => stream,
-            Err(error) => {
-                tracing::warn!("a connection could not be taken: {error}");
-                tokio::time::sleep(Duration::from_millis(100)).await;
-                continue;
-            }
+        let stream = match next.take() {
+            Some(stream) => stream,
+            None => accept(&listener).await,
         };
         // Words on an E-stop do not wait for more to say.
         let _ = stream.set_nodelay(true);
-        let talk = converse(&*shared, &*clock, stream);
-        let others = async {
+        {
+            let mut talk = std::pin::pin!(converse(&*shared, &*clock, stream));
             loop {
-                let Ok((mut other, _)) = listener.accept().await else {
-                    tokio::time::sleep(Duration::from_millis(100)).await;
-                    continue;
+                let other = tokio::select! {
+                    why = &mut talk => {
+                        tracing::info!("the ground is no longer connected: {why}");
+                        break;
+                    }
+                    other = accept(&listener) => other,
                 };
-                let refusal = End::<Said, Uplink>::refusal("the rover talks to another ground");
-                let told = async move {
-                    // It may be gone; it is told as far as that goes.
-                    let _ = other.write_all(&refusal).await;
-                    let _ = other.shutdown().await;
-                };
-                let _ = tokio::time::timeout(Duration::from_secs(1), told).await;
+                if !shared.end().is_up() {
+                    next = Some(other);
+                    break;
+                }
+                tokio::spawn(refuse(other));
             }
-        };
-        let why = tokio::select! {
-            why = talk => why,
-            () = others => continue,
-        };
-        tracing::info!("the ground is no longer connected: {why}");
+        }
+        if next.is_some() {
+            let why = CarrierError::Connection("a newer connection has come".into());
+            shared.end().close(clock.now(), &why);
+        }
     }
+}
+
+async fn accept(listener: &TcpListener) -> TcpStream {
+    loop {
+        match listener.accept().await {
+            Ok((stream, _)) => return stream,
+            Err(error) => {
+                tracing::warn!("a connection could not be taken: {error}");
+                tokio::time::sleep(Duration::from_millis(100)).await;
+            }
+        }
+    }
+}
+
+async fn refuse(mut stream: TcpStream) {
+    let refusal = End::<Said, Uplink>::refusal("the rover talks to another ground");
+    let told = async move {
+        // It may be gone; it is told as far as that goes.
+        let _ = stream.write_all(&refusal).await;
+        let _ = stream.shutdown().await;
+    };
+    let _ = tokio::time::timeout(Duration::from_secs(1), told).await;
 }

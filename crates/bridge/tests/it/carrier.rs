@@ -130,6 +130,9 @@ fn history(seed: u64, restarts: bool) -> Heard {
                 wire.reset();
             }
         }
+        if time_s >= end_s {
+            wire.damage = 0.0;
+        }
         wire.step(now, &up, &down, &mut rng);
         // At times nobody takes what has come.
         if rng.random_bool(0.7) {
@@ -259,6 +262,48 @@ fn an_estop_passes_what_waits_and_ends_the_commands_among_it() {
     assert_eq!(got.iter().filter(|got| **got == uuid(9001)).count(), 1, "once, however often");
     assert_eq!(got.last(), Some(&uuid(9001)), "nothing comes behind it");
     assert_eq!(got.len() - 1 + lost.len() - 1, many as usize);
+}
+
+/// L3, over the carrier: however much waits, an E-stop is written behind at most one piece.
+#[test]
+fn an_estop_is_written_behind_one_piece_at_most_whatever_waits() {
+    let mut rng = ChaCha8Rng::seed_from_u64(8);
+    let mut most = 0;
+    for case in 0..cases(10_000) {
+        let (up, down) = (ground(START, "g0"), rover(START, "r0"));
+        up.end().open(START);
+        down.end().open(START);
+        let (hello, answer) = (up.end().output(START), down.end().output(START));
+        up.end().receive(START, &answer).unwrap();
+        down.end().receive(START, &hello).unwrap();
+        for number in 0..rng.random_range(0..60) {
+            let mut load = command(number);
+            if let Uplink::Command { basis_joints_rad, .. } = &mut load {
+                let joints = vec![0.1; rng.random_range(0..3000)];
+                basis_joints_rad.insert("leg1".into(), joints);
+            }
+            up.end().push(START, load);
+        }
+        for _ in 0..rng.random_range(0..4) {
+            up.end().output(START);
+        }
+        up.end().push(START, Uplink::Estop { id: uuid(9001) });
+        let written = up.end().output(START);
+        let mut decoder = Decoder::default();
+        decoder.push(&written);
+        let (mut before, mut found) = (0, false);
+        while let Some(body) = decoder.next(16 << 20).unwrap() {
+            let Body::Message { json: Some(json), .. } = body else { continue };
+            if String::from_utf8_lossy(&json).contains(&uuid(9001)) {
+                found = true;
+                break;
+            }
+            before += json.len();
+        }
+        assert!(found, "case {case}: it is in what is written next");
+        most = most.max(before);
+    }
+    assert_eq!(most, 0, "and nothing of what waited goes before it");
 }
 
 #[test]

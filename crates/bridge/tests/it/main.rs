@@ -18,6 +18,7 @@ mod histories;
 mod hostile;
 mod kill;
 mod link;
+mod partition;
 mod recorder;
 mod replay;
 mod sim_adapter;

@@ -2,17 +2,20 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod admin;
 mod analyses;
 mod bad_input;
 mod codes;
 mod command_line;
 mod commanding;
+mod consoles;
 mod documents;
 mod foxglove;
 mod job;
 mod posture;
 mod real_terrain;
 mod reconstruction;
+mod rover_process;
 mod routes;
 mod soak;
 mod stability;
