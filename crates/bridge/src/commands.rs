@@ -24,7 +24,7 @@ use wire::time::Timestamp;
 
 pub use authority::{Authority, AuthorityError, AuthorityRules};
 pub use book::CommandBook;
-pub use estop::{Estop, EstopError, RELEASE_WINDOW_S};
+pub use estop::{Estop, EstopError, EstopMemory, RELEASE_WINDOW_S};
 
 /// How long an armed command may be sent (s).
 pub const ARM_WINDOW_S: f64 = 30.0;
@@ -244,6 +244,14 @@ pub enum CommandError {
         /// Why.
         reason: String,
     },
+    /// The rover is a process of its own, and there is no connection to it.
+    #[error(
+        "there is no connection to the rover, so no command is sent ({why}); it is sent once the connection is back, and an E-stop is taken in any case"
+    )]
+    RoverUnreachable {
+        /// Why.
+        why: String,
+    },
 }
 
 impl CommandError {
@@ -272,6 +280,7 @@ impl CommandError {
             CommandError::DurationInvalid { .. } => "duration_invalid",
             CommandError::QueueFull { .. } => "queue_full",
             CommandError::LogUnavailable { .. } => "log_unavailable",
+            CommandError::RoverUnreachable { .. } => "rover_unreachable",
         }
     }
 }

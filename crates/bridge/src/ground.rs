@@ -7,6 +7,7 @@
 //! *Write-ahead*: a command goes to the link only once its uplink message and its event are synced.
 //! An E-stop waits for nothing: neither for the log nor for what waits for the log, which it ends.
 
+mod carrier;
 mod imaging;
 mod operate;
 mod run;
@@ -18,21 +19,24 @@ use std::sync::Arc;
 use serde::Serialize;
 use tokio::sync::{Notify, oneshot};
 use wire::live::{
-    AckStage, CommandEvent, CommandRecord, CommandState, Downlink, EventLevel, EventNotice, ImageDown,
-    LinkClass,
-    LinkConfig, LinkReport, RoverTelemetry, StabilityDerived, Uplink, channel,
+    AckStage, CarrierState, CommandEvent, CommandRecord, CommandState, Downlink, EventLevel,
+    EventNotice, ImageDown, LinkClass, LinkConfig, LinkReport, RoverTelemetry, StabilityDerived,
+    Uplink, channel,
 };
 use wire::resources::LatestFrame;
 use wire::time::Timestamp;
 
 use crate::adapter::RoverAdapter;
 use crate::bus::{Bus, ChannelMessage};
-use crate::commands::{Authority, AuthorityRules, CommandBook, CommandError, Estop, LightTimes};
+use crate::commands::{
+    Authority, AuthorityRules, CommandBook, CommandError, Estop, EstopMemory, LightTimes,
+};
 use crate::images::Images;
 use crate::link::{self, Delivered, Direction, DropCause, LinkError, Notice};
 use crate::recorder::{Record, Recorder, RecorderError, RecorderStatus, Written};
 use crate::views::Views;
 
+pub use carrier::Queues;
 pub use imaging::CameraRecords;
 pub use run::{STEP_S, run};
 
@@ -40,6 +44,8 @@ pub use run::{STEP_S, run};
 pub const UPLINK_MAX: usize = 2048;
 /// Most messages from the rover under way at once: 10 Hz over the longest delay, and as much again.
 pub const DOWNLINK_MAX: usize = 36_000;
+/// A release of an earlier session that has had no effect so long (s) after its light time never will.
+const RELEASE_SLACK_S: f64 = 2.0;
 /// The link is reported at least this often (s).
 const LINK_REPORT_S: f64 = 1.0;
 
@@ -75,6 +81,10 @@ pub struct Ground {
     latest: Option<LatestFrame>,
     stability: Option<StabilityDerived>,
     views: Option<Views>,
+    /// How the carrier was when it was looked at last.
+    carrier: Option<CarrierState>,
+    /// When a carrier that is not up was up last.
+    carrier_lost: Option<Timestamp>,
 }
 
 struct Pending {
@@ -183,6 +193,8 @@ impl Ground {
             latest: None,
             stability: None,
             views: None,
+            carrier: None,
+            carrier_lost: None,
         })
     }
 
@@ -226,6 +238,7 @@ impl Ground {
         }
         self.hear_of_uplinks();
         self.listen(now);
+        self.watch_carrier(now);
         for arrived in self.down.take_due(now) {
             self.receive(arrived);
         }
@@ -236,6 +249,19 @@ impl Ground {
             self.publish(now, channel::EVENT, &notice);
         }
         if self.link_reported.is_none_or(|at| now.seconds_since(at) >= LINK_REPORT_S) {
+            self.report_link();
+        }
+    }
+
+    /// Takes over the E-stop of an earlier session: in force it stays, until an operator releases it.
+    pub fn restore_estop(&mut self, now: Timestamp, memory: EstopMemory) {
+        let now = self.tick(now);
+        let light = self.light_times(now);
+        let arrives = now.plus_seconds(light.up_s + light.spread_s + RELEASE_SLACK_S);
+        self.estop = Estop::restore(now, arrives, memory);
+        if self.estop.in_force() {
+            let text = "an E-stop of the last session is in force still: release it to go on";
+            self.notice(now, EventLevel::Critical, "server", text);
             self.report_link();
         }
     }
@@ -281,6 +307,7 @@ impl Ground {
             down: self.down.counters(),
             estop: self.estop.state(),
             authority: self.authority.report(self.now),
+            carrier: self.adapter.carrier(),
         }
     }
 
@@ -407,7 +434,7 @@ impl Ground {
             Downlink::Ack { id, stage, detail } => {
                 self.images.acknowledge(arrived, &id, stage, detail.as_deref());
                 let changed = if self.estop.knows(&id) {
-                    let changed = self.estop.acknowledged(&id, stage);
+                    let changed = self.estop.acknowledged(onboard, &id, stage);
                     if changed {
                         self.report_link();
                     }

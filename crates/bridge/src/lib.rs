@@ -18,6 +18,7 @@
 //! - [`reader`], [`catalog`]: reading any MCAP file, also a hostile one, within stated limits.
 //! - [`views`]: what stock viewers draw of a log, in the log.
 //! - [`replay`]: a log played through the same channels.
+//! - [`carrier`]: a rover that is a process of its own: connection, resumption, its memory.
 //! - [`bus`]: every message, encoded once, for all listeners in the process.
 //! - [`ground`]: [`ground::Ground`] ties these together; [`ground::run`] drives it.
 //!
@@ -27,6 +28,7 @@
 pub mod adapter;
 pub mod bookmarks;
 pub mod bus;
+pub mod carrier;
 pub mod catalog;
 pub mod clip;
 pub mod clock;

@@ -1,5 +1,6 @@
 //! The routes, and the document that describes them.
 
+mod admin;
 mod analysis;
 mod authority;
 mod commands;
@@ -87,6 +88,7 @@ fn described() -> OpenApiRouter<AppState> {
         .merge(logs::routes())
         .merge(log_notes::routes())
         .merge(jobs::routes())
+        .merge(admin::routes())
         .routes(routes!(openapi_json))
         .layer(DefaultBodyLimit::max(BODY_BYTES_MAX))
         .layer(TimeoutLayer::with_status_code(StatusCode::SERVICE_UNAVAILABLE, ANSWER_TIME));

@@ -5,6 +5,7 @@
 mod analyze;
 mod compare;
 mod log;
+mod rover_sim;
 mod run_server;
 mod terrain;
 
@@ -36,6 +37,8 @@ struct Cli {
 enum Command {
     /// Ground server with console and simulated rover.
     Serve(run_server::ServeArgs),
+    /// The simulated rover as a process of its own, for `footfall serve --rover`.
+    RoverSim(rover_sim::RoverSimArgs),
     /// Plan one step of one leg; exit status 1 if there is no plan.
     Plan(analyze::RequestArgs),
     /// Advise on the posture before a leg is lifted, rehearse the loss of legs; exit status 1 if the wish
@@ -186,6 +189,7 @@ pub fn understands(words: &[&str]) -> Result<(), String> {
 fn run(command: &Command, output: Output) -> Result<Verdict, Failure> {
     match command {
         Command::Serve(args) => run_server::serve(args, output),
+        Command::RoverSim(args) => rover_sim::rover_sim(args, output),
         Command::Plan(args) => analyze::plan(args, output),
         Command::Posture(args) => analyze::posture(args, output),
         Command::Stability(args) => analyze::stability(args, output),

@@ -47,6 +47,12 @@ pub const CODES: &[(&str, u16, &str)] = &[
     ("request_unreadable", 422, "a request file that cannot be read (command line)"),
     ("config_invalid", 422, "a configuration that cannot be used (command line)"),
     ("output_unwritable", 422, "a file that cannot be written (command line)"),
+    (
+        "rover_address_invalid",
+        422,
+        "an address of a rover that is not tcp://host:port (command line)",
+    ),
+    ("rover_memory", 422, "a memory of the simulated rover that cannot be used (command line)"),
     ("bind_refused", 422, "an address other than loopback (command line)"),
     ("port_in_use", 422, "a port that another program listens on (command line)"),
     ("listen", 422, "an address that cannot be listened on (command line)"),
@@ -56,6 +62,7 @@ pub const CODES: &[(&str, u16, &str)] = &[
     ("operator_invalid", 400, "an X-Operator header that is no plain name of up to 64 characters"),
     // who asks
     ("host_refused", 403, "a Host header that is not a loopback name"),
+    ("admin_refused", 403, "only programs of this machine may manage the server"),
     ("origin_refused", 403, "a web page of another origin asks"),
     // what is asked for
     ("route_unknown", 404, "no such route"),
@@ -115,6 +122,14 @@ pub const CODES: &[(&str, u16, &str)] = &[
     ("token_unknown", 409, "not the token of the first step of the release"),
     ("token_expired", 409, "the token's time is over"),
     ("rover_busy", 409, "the rover is not idle"),
+    (
+        "rover_remote",
+        409,
+        "a rover that is a process of its own cannot be placed elsewhere from here",
+    ),
+    ("rover_unreachable", 503, "there is no connection to the rover's process"),
+    ("rover_in_process", 409, "the rover is no process of its own, so there is no connection"),
+    ("log_level_fixed", 409, "the program was started without messages whose level could be set"),
     ("nothing_seen", 409, "the stereo pairs see no ground"),
     ("no_place", 409, "the rover cannot be seated there"),
     // bounds and faults

@@ -48,6 +48,11 @@ pub fn start(app: AppState, who: String, request: ImportRequest) -> Result<JobRe
 }
 
 fn rover_is_idle(app: &AppState) -> Result<(), ApiError> {
+    if app.live.locked().0.carrier().is_some() {
+        let message = "the rover is a process of its own, which stands on its own ground; start \
+                       rover and server on the other ground";
+        return Err(ApiError::new("rover_remote", message));
+    }
     if app.live.latest()?.frame.mode == RoverMode::Idle {
         return Ok(());
     }
@@ -87,8 +92,7 @@ fn import(
     let (mut ground, now) = app.live.locked();
     let silence_max_s = app.config.commands.silence_max_s();
     let cameras = imaging::cameras(app.live.rig());
-    let adapter =
-        SimAdapter::new(now, rover).with_silence_max(silence_max_s).with_cameras(cameras);
+    let adapter = SimAdapter::new(now, rover).with_silence_max(silence_max_s).with_cameras(cameras);
     ground.replace_rover(now, who, Box::new(adapter))?;
     if let Err(error) = version.layers() {
         let text = format!("the map has no traversability: {error}");

@@ -20,6 +20,7 @@ mod import;
 pub mod jobs;
 pub mod live;
 pub mod live_reach;
+pub mod log_level;
 pub mod plans;
 pub mod reconstruction;
 pub mod replays;

@@ -9,22 +9,24 @@ use std::net::{IpAddr, SocketAddr};
 use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
+use bridge::adapter::RoverAdapter;
 use bridge::bus::Bus;
+use bridge::carrier::{Bounds, RemoteRover};
 use bridge::clock::Clock;
 use bridge::ground::{self, Ground};
 use bridge::recorder::{ChannelSchema, Recorder, RecorderOptions};
-use bridge::views::{self, VIEWS_HZ, Views};
 use bridge::sim_adapter::SimAdapter;
-use stereo::rig::Rig;
+use bridge::views::{self, VIEWS_HZ, Views};
 use rover::Robot;
+use stereo::rig::Rig;
 use terrain::ElevationMap;
 use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, watch};
 use utoipa::PartialSchema;
 use wire::check::{At, RequestError};
 use wire::live::{
-    CommandEvent, EventLevel, EventNotice, ImageReceived, JobReport, LinkReport, LogGap, ReachSummary,
-    RoverTelemetry, StabilityDerived, TerrainNotice, Uplink, channel,
+    CommandEvent, EventLevel, EventNotice, ImageReceived, JobReport, LinkReport, LogGap,
+    ReachSummary, RoverTelemetry, StabilityDerived, TerrainNotice, Uplink, channel,
 };
 use wire::reconstruction::MapRecord;
 use wire::scene::Scene as WireScene;
@@ -100,6 +102,9 @@ pub struct Mission {
     pub root: FileRoot,
     /// Where the rover is to stand (m); the middle of the map where there is none.
     pub place_m: Option<[f64; 2]>,
+    /// Where a rover that is a process of its own listens, as host:port; the simulated rover runs in
+    /// this one where absent.
+    pub rover: Option<String>,
 }
 
 impl Mission {
@@ -107,7 +112,7 @@ impl Mission {
     pub fn of(config: Config) -> Mission {
         let root = FileRoot::Folder(config.server.terrain_dir.clone());
         let place_m = Some([config.rover.place_x_m, config.rover.place_y_m]);
-        Mission { config, root, place_m }
+        Mission { config, root, place_m, rover: None }
     }
 }
 
@@ -117,6 +122,8 @@ pub struct Server {
     pub app: AppState,
     driver: tokio::task::JoinHandle<()>,
     reach: tokio::task::JoinHandle<()>,
+    /// Dials a rover that is a process of its own.
+    dialer: Option<tokio::task::JoinHandle<()>>,
     closing: watch::Sender<bool>,
 }
 
@@ -144,7 +151,7 @@ pub async fn listen(address: SocketAddr) -> Result<TcpListener, StartError> {
 impl Server {
     /// Makes the ground, seats the simulated rover on it, and begins a flight log.
     pub fn start(mission: Mission, clock: Arc<dyn Clock>) -> Result<Server, StartError> {
-        let Mission { config, root, place_m } = mission;
+        let Mission { config, root, place_m, rover } = mission;
         let now = clock.now();
         let dirs = Some(config.server.robots_dir.clone());
         let dirs = dirs.filter(|dir| !dir.as_os_str().is_empty());
@@ -165,7 +172,7 @@ impl Server {
         }
         let folder = FileRoot::Folder(config.server.terrain_dir.clone());
         let terrains = Arc::new(Terrains::new(folder, Some(store.clone())));
-        let live = live(&config, place_m, &robots, &map, clock.clone())?;
+        let (live, dialer) = live(&config, place_m, rover, &robots, &map, clock.clone())?;
         let (closing, closed) = watch::channel(false);
         let publish = live.ground.clone();
         let publish_clock = clock.clone();
@@ -196,7 +203,7 @@ impl Server {
             closing: closed,
         });
         let reach = tokio::spawn(live_reach::run(app.clone()));
-        Ok(Server { app, driver, reach, closing })
+        Ok(Server { app, driver, reach, dialer, closing })
     }
 
     /// Serves until `end` completes; then lets go of everybody and finishes the flight log.
@@ -221,6 +228,9 @@ impl Server {
     pub async fn finish(self) {
         self.driver.abort();
         self.reach.abort();
+        if let Some(dialer) = &self.dialer {
+            dialer.abort();
+        }
         let ground = self.app.live.ground.clone();
         let clock = self.app.clock.clone();
         let finish = move || {
@@ -239,7 +249,7 @@ impl Server {
 }
 
 /// The ground that a configuration begins on.
-pub fn first_map(config: &Config, root: FileRoot) -> Result<ElevationMap, RequestError> {
+pub(crate) fn first_map(config: &Config, root: FileRoot) -> Result<ElevationMap, RequestError> {
     let import = world::first_import(config);
     if import.file.is_none() {
         let recipe = world::configured_recipe(&config.terrain)?;
@@ -249,8 +259,11 @@ pub fn first_map(config: &Config, root: FileRoot) -> Result<ElevationMap, Reques
     world::import_map(&Terrains::new(root, None), &import)
 }
 
-/// The robot of a configuration, scaled and loaded.
-pub fn robot_of(config: &Arc<Config>, robots: &Arc<Robots>) -> Result<Arc<Robot>, RequestError> {
+/// The robot of a configuration, loaded, scaled and with its payloads.
+pub(crate) fn robot(
+    config: &Arc<Config>,
+    robots: &Arc<Robots>,
+) -> Result<Arc<Robot>, RequestError> {
     let scene = WireScene {
         robot: Some(config.rover.robot.clone()),
         scale: Some(config.rover.scale),
@@ -262,38 +275,57 @@ pub fn robot_of(config: &Arc<Config>, robots: &Arc<Robots>) -> Result<Arc<Robot>
     context.robot(&At::root("rover"), &scene)
 }
 
-/// The live rover of a configuration, seated on its map.
+/// The live rover of a configuration: seated on its map, or dialed by the task given with it.
 fn live(
     config: &Arc<Config>,
     place_m: Option<[f64; 2]>,
+    address: Option<String>,
     robots: &Arc<Robots>,
     map: &ElevationMap,
     clock: Arc<dyn Clock>,
-) -> Result<Live, StartError> {
+) -> Result<(Live, Option<tokio::task::JoinHandle<()>>), StartError> {
     let now = clock.now();
-    let payloads = config.rover.payloads();
-    let robot = robot_of(config, robots)?;
+    let robot = robot(config, robots)?;
     let rig = Arc::new(imaging::rig(&At::root("rover"), robots, &config.rover.robot, &robot)?);
     let gravity = config.rover.gravity_m_s2;
-    let (heading, pose) = (config.rover.heading_rad, &config.rover.pose);
-    let (rover, settled) = world::seat(&robot, map, gravity, place_m, heading, pose)?;
+    let notice = TerrainNotice {
+        version: version_name(map),
+        source: source_text(map),
+        synthetic_detail: map.source().synthetic_detail,
+    };
+    let (adapter, dialer, where_it_is): (Box<dyn RoverAdapter>, _, _) = match address {
+        None => {
+            let (heading, pose) = (config.rover.heading_rad, &config.rover.pose);
+            let (rover, settled) = world::seat(&robot, map, gravity, place_m, heading, pose)?;
+            let text = format!(
+                "the rover stands {:.2} m from the wished place, margin {:.2} m",
+                settled.moved_m, settled.margin_m
+            );
+            let silence_max_s = config.commands.silence_max_s();
+            let adapter = SimAdapter::new(now, rover)
+                .with_silence_max(silence_max_s)
+                .with_cameras(imaging::cameras(&rig));
+            (Box::new(adapter), None, text)
+        }
+        Some(address) => {
+            let (run, hash) = (uuid::Uuid::now_v7().to_string(), hash_text(robot.hash()));
+            let rover = RemoteRover::new(now, &address, run, hash, Bounds::default());
+            let dialer = tokio::spawn(rover.dial(clock.clone()));
+            (Box::new(rover), Some(dialer), format!("the rover is at {address}"))
+        }
+    };
     // Before the new log is begun, which would be the newest.
-    let earlier = last_session::commands(&config.server.logs_dir);
+    let earlier = last_session::read(&config.server.logs_dir);
     let recorder = recorder(config, now, hash_text(robot.hash()), map, &rig)?;
     let friction = config.terrain.friction;
     let derive = derive_for(robot.clone(), Site { gravity, friction });
-    let silence_max_s = config.commands.silence_max_s();
-    let adapter = SimAdapter::new(now, rover)
-        .with_silence_max(silence_max_s)
-        .with_cameras(imaging::cameras(&rig));
-    let adapter = Box::new(adapter);
     let mut ground =
         Ground::new(now, adapter, config.link.clone(), recorder, Bus::new(BUS_CAPACITY), derive)
             .map_err(|error| RequestError::new("out_of_range", error.to_string()))?;
     ground.configure(config.commands.authority_rules(), config.commands.heartbeat_s());
     ground.log_views(Views::new(robot.clone(), VIEWS_HZ));
     ground.log_images(imaging::records(robot.clone(), rig.clone()));
-    let unknown = ground.restore(now, earlier);
+    let unknown = ground.restore(now, earlier.commands);
     if unknown > 0 {
         let text = format!(
             "of {unknown} commands of the last session the outcome is unknown; nothing is sent again: \
@@ -301,18 +333,13 @@ fn live(
         );
         ground.notice(now, EventLevel::Warning, "server", &text);
     }
-    let notice = TerrainNotice {
-        version: version_name(map),
-        source: source_text(map),
-        synthetic_detail: map.source().synthetic_detail,
-    };
+    ground.restore_estop(now, earlier.estop);
     ground.publish(now, channel::TERRAIN, &notice);
-    let text = format!(
-        "session begins on {}; the rover stands {:.2} m from the wished place, margin {:.2} m",
-        notice.source, settled.moved_m, settled.margin_m
-    );
+    let text = format!("session begins on {}; {where_it_is}", notice.source);
     ground.notice(now, EventLevel::Info, "server", &text);
-    Ok(Live::new(LiveParts { ground, clock, robot, rig, payloads, gravity, friction }))
+    let payloads = config.rover.payloads();
+    let live = Live::new(LiveParts { ground, clock, robot, rig, payloads, gravity, friction });
+    Ok((live, dialer))
 }
 
 fn recorder(

@@ -225,6 +225,22 @@ impl SimRover {
         self.tell(id, Stage::Completed, detail);
     }
 
+    /// Takes over what the rover knew before its computer was restarted: identities received, oldest
+    /// first, the highest authority seen, and the stop in force, with its fault where it was one.
+    pub fn recall(
+        &mut self,
+        ids: impl IntoIterator<Item = String>,
+        epoch: Option<u64>,
+        stop: Option<Option<String>>,
+    ) {
+        ids.into_iter().for_each(|id| self.memory.keep(&id));
+        self.epoch = self.epoch.max(epoch);
+        if let Some(fault) = stop {
+            self.mode = if fault.is_some() { Mode::Fault } else { Mode::Stopped };
+            self.fault = fault;
+        }
+    }
+
     /// The rover is to make itself safe when it moves and has not heard the ground for this long (s).
     pub fn set_silence_max(&mut self, silence_max_s: Option<f64>) {
         self.silence_max_s = silence_max_s;

@@ -6,6 +6,7 @@
 //!
 //! Requests are checked by name ([`check`]) before they become values of the domain ([`convert`]).
 
+pub mod admin;
 pub mod analysis;
 pub mod check;
 pub mod convert;

@@ -10,10 +10,12 @@ use crate::reconstruction::PairProgress;
 use crate::scene::{Pose, RoverState};
 use crate::time::Timestamp;
 
+mod carrier;
 mod command;
 mod image;
 mod link;
 
+pub use carrier::*;
 pub use command::*;
 pub use image::*;
 pub use link::*;
@@ -574,6 +576,9 @@ pub struct LinkReport {
     /// Who may command.
     #[serde(default)]
     pub authority: AuthorityReport,
+    /// The connection to the rover, where that is a process of its own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub carrier: Option<CarrierReport>,
 }
 
 /// What the ground knows of the E-stop.

@@ -7,7 +7,7 @@ import { join } from "node:path";
 
 import { PROJECT } from "./files";
 
-const BINARY = process.env.FOOTFALL_BIN ?? join(PROJECT, "target/debug/footfall");
+export const BINARY = process.env.FOOTFALL_BIN ?? join(PROJECT, "target/debug/footfall");
 
 export class GroundServer {
   private readonly folder = mkdtempSync(join(tmpdir(), "footfall-e2e-"));
@@ -16,12 +16,17 @@ export class GroundServer {
   url = "";
   private child: ChildProcess | null = null;
 
+  /** With these more arguments. */
+  constructor(private readonly more: readonly string[] = []) {}
+
   /** Starts it on a free port, or again on the port that it had. */
   async start(): Promise<void> {
     const port = this.url === "" ? "0" : new URL(this.url).port;
     const child = spawn(
       BINARY,
-      ["serve", "--demo", "--port", port, "--logs", this.logs, "--terrains", this.terrains],
+      ["serve", "--demo", "--port", port, "--logs", this.logs, "--terrains", this.terrains].concat(
+        this.more,
+      ),
       { stdio: ["ignore", "pipe", "pipe"] },
     );
     this.child = child;

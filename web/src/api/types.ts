@@ -93,6 +93,7 @@ export type EstopAnswer = Wire<"EstopAnswer">;
 
 export type LinkConfig = Wire<"LinkConfig">;
 export type LinkCounters = Wire<"LinkCounters">;
+export type CarrierReport = Wire<"CarrierReport">;
 export type LinkReport = Wire<"LinkReport">;
 
 export type TerrainNotice = Wire<"TerrainNotice">;

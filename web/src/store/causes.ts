@@ -1,5 +1,6 @@
 // What is not as it should be, worst first: the global bar shows the worst and the count.
 
+import { carrierDown, carrierWords } from "./carrier";
 import type { Channels } from "./streamState";
 import type { Connection } from "./console";
 import type { RoverModel } from "../api/types";
@@ -24,6 +25,10 @@ export function causesOf({ connection, model, channels, stale }: Situation): Cau
   const causes: Cause[] = [];
   const add = (status: Status, text: string) => causes.push({ status, text });
   if (connection === "lost") add("critical", "No connection to the ground server");
+  const down = carrierDown(channels);
+  if (down && connection === "open") {
+    add("critical", `${carrierWords(down)}${down.why ? `: ${down.why}` : ""}`);
+  }
   const rover = channels.rover?.message;
   if (rover?.mode === "fault") add("critical", `Rover fault: ${rover.fault ?? "not told"}`);
   if (rover?.mode === "stopped") add("serious", "The rover is stopped by an E-stop");

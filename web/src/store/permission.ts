@@ -1,5 +1,6 @@
 // May this console send anything now, and if not, why not.
 
+import { carrierDown, carrierWords } from "./carrier";
 import { useConsole, type ConsoleState } from "./console";
 
 /** The reason why nothing can be sent, or null. */
@@ -8,6 +9,8 @@ export function blockedBy(state: ConsoleState): string | null {
     return "This is a replay: nothing can be sent. Go back to live first.";
   if (state.connection !== "open") return "No connection to the ground server.";
   const estop = state.stream.live.link?.message.estop ?? "clear";
+  const down = carrierDown(state.stream.live);
+  if (down) return `${carrierWords(down)}: nothing can be handed over to the rover.`;
   if (estop !== "clear") return "An E-stop is in force. Release it first.";
   return null;
 }

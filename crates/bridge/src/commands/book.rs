@@ -266,6 +266,23 @@ impl CommandBook {
         self.end_unsent(now, id, SERVER, Some(why), CommandState::Expired)
     }
 
+    /// A command that was sent has certainly never reached the rover, whatever was thought of it: it has
+    /// expired.
+    pub fn never_arrived(&mut self, now: Timestamp, id: &str, why: &str) {
+        let waits = |state| matches!(state, CommandState::Sent | CommandState::Overdue);
+        if self.get(id).is_some_and(|record| waits(record.state)) {
+            self.end(now, id, SERVER, CommandState::Expired, Some(why));
+        }
+    }
+
+    /// Whether a command has reached the rover can no longer be known: its outcome is unknown.
+    pub fn outcome_unknown(&mut self, now: Timestamp, id: &str, why: &str) {
+        let waits = |state| is_outstanding(state) && state != CommandState::Overdue;
+        if self.get(id).is_some_and(|record| waits(record.state)) {
+            self.lose_track(now, id, why);
+        }
+    }
+
     /// Ends a sent command that never came to the link after all.
     pub fn withdraw(&mut self, now: Timestamp, id: &str, state: CommandState, why: &str) {
         if self.get(id).is_some_and(|r| r.state == CommandState::Sent) {

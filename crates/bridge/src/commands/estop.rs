@@ -1,6 +1,6 @@
 //! The E-stop as the ground knows it, and its release in two steps.
 
-use wire::live::{AckStage, EstopState, RoverMode};
+use wire::live::{AckStage, EstopState, RoverMode, Uplink};
 use wire::time::Timestamp;
 
 use super::new_id;
@@ -53,12 +53,76 @@ pub struct Estop {
     arrives: Timestamp,
     /// When an E-stop without a word from the rover is sent again.
     repeat_at: Timestamp,
+    /// Taken over from an earlier session: whether a release has left is not known.
+    restored: bool,
+    /// What the rover showed up to here (time on board) is of before the last release.
+    cleared: Timestamp,
+}
+
+/// What an earlier session left of its E-stop, from its log.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct EstopMemory {
+    /// Its last state.
+    pub state: EstopState,
+    /// The last E-stop, where the log has it.
+    pub stop_id: Option<String>,
+    /// The release after it.
+    pub release_id: Option<String>,
+}
+
+impl EstopMemory {
+    /// Takes over an uplink of the log.
+    pub fn uplink(&mut self, uplink: &Uplink) {
+        match uplink {
+            Uplink::Estop { id } => {
+                let (state, stop_id) = (EstopState::Sent, Some(id.clone()));
+                *self = EstopMemory { state, stop_id, release_id: None };
+            }
+            Uplink::EstopRelease { id } => {
+                (self.state, self.release_id) = (EstopState::ReleaseSent, Some(id.clone()));
+            }
+            _ => {}
+        }
+    }
+
+    /// Takes over a state that the log tells of.
+    pub fn report(&mut self, state: EstopState) {
+        if state == EstopState::Clear {
+            *self = EstopMemory::default();
+        }
+        self.state = state;
+    }
 }
 
 /// Identities remembered; more presses than that are one E-stop still.
 const MAX_STOP_IDS: usize = 64;
 
 impl Estop {
+    /// The E-stop of an earlier session: one in force stays in force, and is sent again at once until
+    /// the rover's word comes. Of a release that was under way telemetry tells, which reaches the
+    /// rover by `arrives`.
+    pub fn restore(now: Timestamp, arrives: Timestamp, memory: EstopMemory) -> Estop {
+        let EstopMemory { state, stop_id, release_id } = memory;
+        if state == EstopState::Clear {
+            return Estop::default();
+        }
+        let stop_ids = vec![stop_id.unwrap_or_else(|| new_id(now))];
+        let released = state == EstopState::ReleaseSent;
+        let state = if released { state } else { EstopState::Sent };
+        let release_id = release_id.filter(|_| released);
+        let (repeat_at, restored) = (now, released);
+        Estop { state, stop_ids, release_id, arrives, repeat_at, restored, ..Estop::default() }
+    }
+
+    /// A release was taken back on its way, and has not arrived. True if the state has changed.
+    pub fn release_lost(&mut self, id: &str) -> bool {
+        let lost = self.release_id.as_deref() == Some(id);
+        if lost {
+            self.take_back_release();
+        }
+        lost
+    }
+
     /// The present state.
     pub fn state(&self) -> EstopState {
         self.state
@@ -81,6 +145,7 @@ impl Estop {
         }
         self.stop_ids.push(id.clone());
         self.release_id = None;
+        self.restored = false;
         self.token = None;
         if self.state != EstopState::Confirmed {
             self.state = EstopState::Sent;
@@ -146,17 +211,19 @@ impl Estop {
     /// The release never came to the link: the E-stop stays in force.
     pub fn take_back_release(&mut self) {
         self.release_id = None;
+        self.restored = false;
         self.state = EstopState::Confirmed;
     }
 
-    /// The rover's word on an uplink message; true if the state has changed.
-    pub fn acknowledged(&mut self, id: &str, stage: AckStage) -> bool {
+    /// The rover's word, of the given time on board, on an uplink message; true if the state has
+    /// changed.
+    pub fn acknowledged(&mut self, onboard: Timestamp, id: &str, stage: AckStage) -> bool {
         let refused = matches!(stage, AckStage::Rejected | AckStage::Failed | AckStage::Aborted);
         if self.release_id.as_deref() == Some(id) {
             if refused {
                 self.take_back_release();
             } else {
-                *self = Estop::default();
+                self.clear(onboard);
             }
             return true;
         }
@@ -172,11 +239,24 @@ impl Estop {
         match (self.state, mode == RoverMode::Stopped) {
             (EstopState::Sent, true) => self.confirm(),
             (EstopState::ReleaseSent, false) => {
-                *self = Estop::default();
+                self.clear(onboard);
+                true
+            }
+            (EstopState::ReleaseSent, true) if self.restored => {
+                self.take_back_release();
+                true
+            }
+            // Another ground, or one whose log is gone, has stopped it.
+            (EstopState::Clear, true) if onboard > self.cleared => {
+                self.state = EstopState::Confirmed;
                 true
             }
             _ => false,
         }
+    }
+
+    fn clear(&mut self, onboard: Timestamp) {
+        *self = Estop { cleared: onboard, ..Estop::default() };
     }
 
     /// True if `id` is an E-stop or release of this state machine.

@@ -2,8 +2,8 @@
 
 use tokio::sync::oneshot;
 use wire::live::{
-    AuthorityReport, CommandBody, CommandRecord, CommandState, DirectionModel, EstopState, EventLevel,
-    LinkClass, LinkConfig, LinkReport, Uplink, channel,
+    AuthorityReport, CommandBody, CommandRecord, CommandState, DirectionModel, EstopState,
+    EventLevel, LinkClass, LinkConfig, LinkReport, Uplink, channel,
 };
 use wire::resources::EstopAnswer;
 use wire::time::Timestamp;
@@ -35,6 +35,7 @@ impl Ground {
             self.log_must_be_well(),
             self.book.may_stage(command),
             self.no_estop(),
+            self.rover_must_be_there(),
             self.authority.may(now, who).map_err(CommandError::from),
             self.book.may_arm(command),
         ];
@@ -63,6 +64,7 @@ impl Ground {
         let now = self.tick(now);
         self.no_estop()?;
         self.log_must_be_well()?;
+        self.rover_must_be_there()?;
         let epoch = self.exercise_authority(now, who)?;
         let light = self.light_times(now);
         let outcome = self.book.send_as(now, id, who, light, Some(epoch));

@@ -16,18 +16,25 @@ const SHORTEST_S: f64 = 0.000_2;
 pub async fn run(ground: Arc<Mutex<Ground>>, clock: Arc<dyn Clock>) {
     let wake = locked(&ground).wake.clone();
     loop {
-        let next = {
+        let (next, arrivals) = {
             let mut ground = locked(&ground);
             ground.step(clock.now());
             if let Some(by_s) = clock.was_set_by() {
                 ground.clock_was_set(clock.now(), by_s);
             }
-            ground.next_step()
+            (ground.next_step(), ground.adapter.arrivals())
+        };
+        let arrived = async {
+            match &arrivals {
+                Some(arrivals) => arrivals.notified().await,
+                None => std::future::pending().await,
+            }
         };
         let wait_s = next.seconds_since(clock.now()).clamp(SHORTEST_S, STEP_S);
         tokio::select! {
             () = tokio::time::sleep(Duration::from_secs_f64(wait_s)) => {}
             () = wake.notified() => {}
+            () = arrived => {}
         }
     }
 }

@@ -11,14 +11,14 @@ fn an_estop_is_sent_confirmed_released_and_clear() {
     assert!(!estop.in_force());
     let stop = estop.stop(START, after(1.3));
     assert_eq!(estop.state(), EstopState::Sent);
-    assert!(estop.acknowledged(&stop, AckStage::Received));
-    assert!(!estop.acknowledged(&stop, AckStage::Completed), "confirmed once");
+    assert!(estop.acknowledged(START, &stop, AckStage::Received));
+    assert!(!estop.acknowledged(START, &stop, AckStage::Completed), "confirmed once");
     assert_eq!(estop.state(), EstopState::Confirmed);
     let token = estop.ask_release(after(5.0)).unwrap();
     let release = estop.release(after(6.0), &token, after(7.3)).unwrap();
     assert_eq!(estop.state(), EstopState::ReleaseSent);
     assert!(estop.in_force(), "until the rover says so");
-    assert!(estop.acknowledged(&release, AckStage::Received));
+    assert!(estop.acknowledged(START, &release, AckStage::Received));
     assert_eq!(estop.state(), EstopState::Clear);
 }
 
@@ -57,15 +57,18 @@ fn telemetry_counts_as_a_word_only_once_the_message_has_reached_the_rover() {
 fn a_new_estop_on_top_of_a_release_waits_for_a_word_of_its_own() {
     let mut estop = Estop::default();
     let first = estop.stop(START, after(1.3));
-    estop.acknowledged(&first, AckStage::Received);
+    estop.acknowledged(START, &first, AckStage::Received);
     let token = estop.ask_release(after(5.0)).unwrap();
     let release = estop.release(after(5.0), &token, after(6.3)).unwrap();
     let second = estop.stop(after(5.5), after(6.8));
     assert_eq!(estop.state(), EstopState::Sent);
     for old in [&first, &release] {
-        assert!(!estop.acknowledged(old, AckStage::Completed), "an old word confirms nothing");
+        assert!(
+            !estop.acknowledged(START, old, AckStage::Completed),
+            "an old word confirms nothing"
+        );
     }
-    assert!(estop.acknowledged(&second, AckStage::Received));
+    assert!(estop.acknowledged(START, &second, AckStage::Received));
     assert_eq!(estop.state(), EstopState::Confirmed);
 }
 
@@ -75,6 +78,6 @@ fn a_refused_release_leaves_the_estop_in_force() {
     estop.stop(START, after(1.3));
     let token = estop.ask_release(START).unwrap();
     let release = estop.release(START, &token, after(1.3)).unwrap();
-    assert!(estop.acknowledged(&release, AckStage::Rejected));
+    assert!(estop.acknowledged(START, &release, AckStage::Rejected));
     assert_eq!(estop.state(), EstopState::Confirmed);
 }

@@ -243,7 +243,7 @@ fn rebuild(paths: &[PathBuf], config: Option<&Path>, output: Output) -> Result<V
     let config = Arc::new(config);
     let dirs = Some(config.server.robots_dir.clone()).filter(|dir| !dir.as_os_str().is_empty());
     let robots = Arc::new(Robots::new(dirs.into_iter().collect()));
-    let robot = serve::robot_of(&config, &robots)?;
+    let robot = serve::robot(&config, &robots)?;
     let rig = imaging::rig(&At::root("rover"), &robots, &config.rover.robot, &robot)?;
     let ground = serve::first_map(&config, root)?;
     let files = expand(paths)?;

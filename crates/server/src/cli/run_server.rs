@@ -7,6 +7,8 @@ use std::sync::Arc;
 use bridge::clock::SystemClock;
 use clap::Args;
 use tracing_subscriber::EnvFilter;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
 use wire::check::{self, At, RequestError};
 
 use super::{Common, Failure, Output, Verdict};
@@ -14,9 +16,9 @@ use crate::config::Config;
 use crate::serve::{self, Mission, Server, StartError};
 use crate::terrains::FileRoot;
 
-/// What to serve, and where.
+/// The rover, and the ground that it stands on.
 #[derive(Debug, Args)]
-pub(super) struct ServeArgs {
+pub(super) struct SiteArgs {
     /// The demo mission: the simulated rover on synthetic ground. It is the mission as long as no
     /// --config names another.
     #[arg(long, conflicts_with = "config")]
@@ -49,6 +51,18 @@ pub(super) struct ServeArgs {
     /// Factor on every length of the robot.
     #[arg(long)]
     scale: Option<f64>,
+    /// Folder of the terrain files that may be imported.
+    #[arg(long, value_name = "DIR")]
+    terrains: Option<PathBuf>,
+    #[command(flatten)]
+    common: Common,
+}
+
+/// What to serve, and where.
+#[derive(Debug, Args)]
+pub(super) struct ServeArgs {
+    #[command(flatten)]
+    site: SiteArgs,
     /// Port to listen on; 0 takes any free one.
     #[arg(long)]
     port: Option<u16>,
@@ -58,11 +72,10 @@ pub(super) struct ServeArgs {
     /// Folder of the flight logs.
     #[arg(long, value_name = "DIR")]
     logs: Option<PathBuf>,
-    /// Folder of the terrain files that may be imported.
-    #[arg(long, value_name = "DIR")]
-    terrains: Option<PathBuf>,
-    #[command(flatten)]
-    common: Common,
+    /// A rover that is a process of its own, as `footfall rover-sim` on the same ground: tcp://host:port.
+    /// Without it the simulated rover runs within the server.
+    #[arg(long, value_name = "ADDRESS")]
+    rover: Option<String>,
 }
 
 impl From<StartError> for Failure {
@@ -82,8 +95,8 @@ impl From<StartError> for Failure {
 }
 
 /// The configured mission with the changes of the command line.
-fn mission(args: &ServeArgs) -> Result<Mission, Failure> {
-    let Mission { mut config, mut root, mut place_m } =
+pub(super) fn mission(args: &SiteArgs) -> Result<Mission, Failure> {
+    let Mission { mut config, mut root, mut place_m, rover } =
         Mission::of(super::analyze::config(&args.common)?);
     let pair = |name: &str, values: &[f64]| match *values {
         [] => Ok(None),
@@ -118,14 +131,11 @@ fn mission(args: &ServeArgs) -> Result<Mission, Failure> {
     if let Some(scale) = args.scale {
         rescale(&mut config, scale)?;
     }
-    config.server.port = args.port.unwrap_or(config.server.port);
-    config.server.bind = args.bind.clone().unwrap_or(config.server.bind);
-    config.server.logs_dir = args.logs.clone().unwrap_or(config.server.logs_dir);
     config.server.terrain_dir = args.terrains.clone().unwrap_or(config.server.terrain_dir);
     if let Some(robots) = args.common.robots.first() {
         config.server.robots_dir = robots.clone();
     }
-    Ok(Mission { config, root, place_m })
+    Ok(Mission { config, root, place_m, rover })
 }
 
 /// The configured rover at another scale, with the lengths of its payload and of its foot: masses
@@ -153,16 +163,40 @@ fn rescale(config: &mut Config, scale: f64) -> Result<(), Failure> {
     Ok(())
 }
 
-pub(super) fn serve(args: &ServeArgs, output: Output) -> Result<Verdict, Failure> {
-    let mission = mission(args)?;
-    let address = serve::address(&mission.config)?;
+/// The host and port of tcp://host:port.
+fn rover_address(text: &str) -> Result<String, Failure> {
+    let address = text.strip_prefix("tcp://").map(|rest| rest.trim_end_matches('/'));
+    let good = address.and_then(|address| {
+        let (host, port) = address.rsplit_once(':')?;
+        (!host.is_empty() && port.parse::<u16>().is_ok_and(|port| port > 0)).then_some(address)
+    });
+    good.map(str::to_owned).ok_or_else(|| {
+        let shown: String = text.chars().take(80).collect();
+        let message = format!("--rover {shown} is no address of a rover; it takes tcp://host:port");
+        RequestError::new("rover_address_invalid", message).into()
+    })
+}
+
+/// Begins to tell what happens, on standard error.
+pub(super) fn begin_messages(output: Output) {
     let filter = if output.quiet { "error" } else { "info,tower_http=warn" };
     let filter = EnvFilter::try_from_env("FOOTFALL_LOG").unwrap_or_else(|_| filter.into());
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let layer = tracing_subscriber::fmt::layer()
         .with_ansi(std::io::stderr().is_terminal())
-        .with_writer(std::io::stderr)
-        .init();
+        .with_writer(std::io::stderr);
+    let filter = crate::log_level::changeable(filter);
+    tracing_subscriber::registry().with(filter).with(layer).init();
+}
+
+pub(super) fn serve(args: &ServeArgs, output: Output) -> Result<Verdict, Failure> {
+    let mut mission = mission(&args.site)?;
+    let server = &mut mission.config.server;
+    server.port = args.port.unwrap_or(server.port);
+    server.bind = args.bind.clone().unwrap_or(std::mem::take(&mut server.bind));
+    server.logs_dir = args.logs.clone().unwrap_or(std::mem::take(&mut server.logs_dir));
+    mission.rover = args.rover.as_deref().map(rover_address).transpose()?;
+    let address = serve::address(&mission.config)?;
+    begin_messages(output);
     let runtime = tokio::runtime::Runtime::new().map_err(|error| {
         Failure::Fault(format!("the program cannot start its threads: {error}"))
     })?;

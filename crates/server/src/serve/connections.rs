@@ -1,15 +1,20 @@
 //! Taking connections, with bounds that one who is slow or silent cannot get around.
 
+use std::net::SocketAddr;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
 
-use axum::Router;
+use axum::{Extension, Router};
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
+
+/// Where a connection comes from.
+#[derive(Debug, Clone, Copy)]
+pub struct Peer(pub SocketAddr);
 
 /// Connections at the same time, listeners on the stream apart.
 const CONNECTIONS_MAX: usize = 1024;
@@ -27,8 +32,8 @@ pub async fn serve(listener: TcpListener, router: Router, mut closed: watch::Rec
             accepted = listener.accept() => accepted,
             () = is_true(&mut closed) => break,
         };
-        let socket = match accepted {
-            Ok((socket, _)) => socket,
+        let (socket, peer) = match accepted {
+            Ok(socket) => socket,
             Err(error) => {
                 tracing::warn!("a connection was not taken: {error}");
                 tokio::time::sleep(FAULT_PAUSE).await;
@@ -38,7 +43,8 @@ pub async fn serve(listener: TcpListener, router: Router, mut closed: watch::Rec
         if let Err(error) = socket.set_nodelay(true) {
             tracing::debug!("a connection is slower than it could be: {error}");
         }
-        tokio::spawn(connection(socket, router.clone(), closed.clone(), place));
+        let router = router.clone().layer(Extension(Peer(peer)));
+        tokio::spawn(connection(socket, router, closed.clone(), place));
     }
     drop(listener);
     // Each connection gives its place back when it has ended.

@@ -1,15 +1,26 @@
-//! What the last session left open, from its log.
+//! What the last session left behind: its commands and its E-stop.
 
 use std::path::Path;
 
 use bridge::catalog;
-use bridge::reader::Limits;
-use wire::live::CommandEvent;
+use bridge::commands::EstopMemory;
+use bridge::reader::{IndexedLog, Limits, LogMessage, ReadError};
+use wire::live::{CommandEvent, EstopState, LinkReport, Uplink, channel};
+use wire::time::Timestamp;
 
-/// The events of all commands of the newest log, in order; none where there is none. By the index: of what is
-/// sealed, nothing else is read. A log with damage
-/// gives what can be read: whatever it has lost was not acknowledged, or is told as damage.
-pub fn commands(dir: &Path) -> Vec<CommandEvent> {
+/// What the last session left.
+#[derive(Debug, Default)]
+pub struct LastSession {
+    /// The events of all its commands, in order.
+    pub commands: Vec<CommandEvent>,
+    /// Its E-stop.
+    pub estop: EstopMemory,
+}
+
+/// What is in the newest log; nothing where there is none. By the index: of what is sealed, only the
+/// commands and the end are read. A log with damage gives what can be read: whatever it has lost was
+/// not acknowledged, or is told as damage.
+pub fn read(dir: &Path) -> LastSession {
     let newest = match catalog::list_logs(dir, None) {
         Ok(logs) => logs.into_iter().next(),
         Err(error) => {
@@ -17,24 +28,85 @@ pub fn commands(dir: &Path) -> Vec<CommandEvent> {
             None
         }
     };
-    let Some(log) = newest else { return Vec::new() };
+    let Some(log) = newest else { return LastSession::default() };
     let read = catalog::open_log(dir, &log.id, Limits::default()).and_then(|mut opened| {
-        let messages = opened.command_events()?;
+        let last = LastSession { commands: commands(&mut opened)?, estop: estop(&mut opened)? };
         opened.damage().iter().for_each(|damage| {
             tracing::warn!("the log {} of the last session is damaged: {damage}", log.id);
         });
-        Ok(messages)
+        Ok(last)
     });
-    let messages = read.unwrap_or_else(|error| {
+    read.unwrap_or_else(|error| {
         tracing::warn!("the log {} of the last session cannot be read: {error}", log.id);
-        Vec::new()
-    });
-    let n_all = messages.len();
-    let parse = |data: &[u8]| serde_json::from_slice::<CommandEvent>(data).ok();
-    let events: Vec<_> = messages.iter().filter_map(|message| parse(&message.data)).collect();
-    let n_bad = n_all - events.len();
+        LastSession::default()
+    })
+}
+
+fn commands(log: &mut IndexedLog) -> Result<Vec<CommandEvent>, ReadError> {
+    let messages = log.command_events()?;
+    let events: Vec<CommandEvent> =
+        messages.iter().filter_map(|message| serde_json::from_slice(&message.data).ok()).collect();
+    let n_bad = messages.len() - events.len();
     if n_bad > 0 {
-        tracing::warn!("{n_bad} command events of the log {} cannot be read", log.id);
+        tracing::warn!("{n_bad} command events of the last session cannot be read");
     }
-    events
+    Ok(events)
+}
+
+/// What the log tells of an E-stop.
+enum Told {
+    Report(EstopState),
+    Uplink(Uplink),
+}
+
+impl Told {
+    fn of(message: &LogMessage) -> Option<Told> {
+        match &*message.channel {
+            channel::LINK => serde_json::from_slice::<LinkReport>(&message.data)
+                .ok()
+                .map(|report| Told::Report(report.estop)),
+            channel::COMMAND_UPLINK => serde_json::from_slice::<Uplink>(&message.data)
+                .ok()
+                .filter(|up| matches!(up, Uplink::Estop { .. } | Uplink::EstopRelease { .. }))
+                .map(Told::Uplink),
+            _ => None,
+        }
+    }
+}
+
+/// The E-stop at the end. Read backward as far as a report that there was none.
+fn estop(log: &mut IndexedLog) -> Result<EstopMemory, ReadError> {
+    let of = |topic| log.pieces_of(topic).iter().map(|&piece| piece as usize);
+    let mut pieces: Vec<usize> = of(channel::LINK).chain(of(channel::COMMAND_UPLINK)).collect();
+    pieces.sort_unstable();
+    pieces.dedup();
+    let mut told: Vec<(Timestamp, bool, Told)> = Vec::new();
+    let mut clear: Option<Timestamp> = None;
+    for piece in pieces.into_iter().rev() {
+        if clear.is_some_and(|clear| log.pieces()[piece].end <= clear) {
+            break;
+        }
+        let mut of_piece: Vec<_> = log
+            .read(piece)?
+            .iter()
+            .filter_map(|message| Told::of(message).map(|told| (message.log_time, told)))
+            .map(|(time, told)| (time, matches!(told, Told::Uplink(_)), told))
+            .collect();
+        let clears =
+            of_piece.iter().filter(|(.., told)| matches!(told, Told::Report(EstopState::Clear)));
+        clear = clear.max(clears.map(|(time, ..)| *time).max());
+        of_piece.append(&mut told);
+        told = of_piece;
+    }
+    // Reports are not written in the order of commands: one of before a command, or of its instant,
+    // says nothing of it.
+    told.sort_by_key(|(time, is_uplink, _)| (*time, *is_uplink));
+    let mut memory = EstopMemory::default();
+    for (.., told) in told {
+        match told {
+            Told::Report(state) => memory.report(state),
+            Told::Uplink(uplink) => memory.uplink(&uplink),
+        }
+    }
+    Ok(memory)
 }

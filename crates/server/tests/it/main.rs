@@ -2,11 +2,13 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod admin;
 mod analyses;
 mod bad_input;
 mod codes;
 mod command_line;
 mod commanding;
+mod consoles;
 mod documents;
 mod foxglove;
 mod images;
@@ -15,6 +17,7 @@ mod posture;
 mod real_terrain;
 mod reconstruction;
 mod routes;
+mod rover_process;
 mod soak;
 mod stability;
 mod stream;

@@ -13,7 +13,7 @@ async fn one_step_on(file: &Path, scale: f64, change: impl FnOnce(&mut Mission))
     let mut config = config(dir.path());
     config.terrain.file = file.file_name().unwrap().to_str().unwrap().to_owned();
     let root = FileRoot::Relative(file.parent().unwrap().to_owned());
-    let mut mission = Mission { config, root, place_m: None };
+    let mut mission = Mission { config, root, place_m: None, rover: None };
     change(&mut mission);
     let ground = Ground::of(mission, dir).await;
     let mut found = None;

@@ -4,6 +4,7 @@
 import { localNow } from "../../api/stream";
 import { fileSize } from "../../lib/format";
 import { formatDayTime, formatSpan, parseOptional } from "../../lib/time";
+import { carrierDown, carrierWords } from "../../store/carrier";
 import { retryNow, useConsole } from "../../store/console";
 import { useServerNow } from "../../store/now";
 import { cancelOpening, useLogs } from "../../store/replay";
@@ -15,6 +16,7 @@ export function Banner() {
   return (
     <>
       {lost && <Lost />}
+      {!lost && <RoverLost />}
       <Opening />
     </>
   );
@@ -41,6 +43,28 @@ function Opening() {
       <button type="button" className="button" data-testid="opening-cancel" onClick={cancelOpening}>
         Cancel
       </button>
+    </div>
+  );
+}
+
+/** The server is there, the rover's process is not. */
+function RoverLost() {
+  const now = useServerNow();
+  const replaying = useConsole((s) => s.stream.replayState !== null);
+  const down = useConsole((s) => carrierDown(s.stream.live));
+  if (!down || replaying) return null;
+  const heard = parseOptional(down.heard);
+  return (
+    <div className="banner" data-testid="rover-banner" data-state={down.state}>
+      <StatusMark status="critical" />
+      <strong role="alert">{carrierWords(down)}.</strong>
+      <span>
+        {heard === null
+          ? "Nothing was heard from the rover yet"
+          : `Last heard ${formatSpan(Math.max(0, (now - heard) / 1000))} ago`}
+        , at {down.address}. No command is handed over; an E-stop waits for the rover.
+      </span>
+      {down.why && <span className="quiet">{down.why}</span>}
     </div>
   );
 }

@@ -6,6 +6,7 @@ import { useState } from "react";
 import { api, sentenceOf } from "../../api/client";
 import type { LinkConfig, LinkCounters } from "../../api/types";
 import { formatSpan } from "../../lib/time";
+import { carrierDown } from "../../store/carrier";
 import { useChannels, useConsole } from "../../store/console";
 import { Popover } from "../../ui/Popover";
 import { StatusMark } from "../../ui/StatusMark";
@@ -13,13 +14,22 @@ import { StatusMark } from "../../ui/StatusMark";
 export function LinkMenu() {
   const connection = useConsole((s) => s.connection);
   const link = useChannels((c) => c.link?.message ?? null);
+  const down = useChannels((c) => carrierDown(c));
   const label = (
     <>
       <StatusMark
-        status={connection === "open" ? "normal" : connection === "lost" ? "critical" : "off"}
+        status={
+          down || connection === "lost" ? "critical" : connection === "open" ? "normal" : "off"
+        }
       />
       <span>
-        {connection === "open" ? "Link" : connection === "lost" ? "No link" : "Connecting"}
+        {connection === "lost"
+          ? "No link"
+          : connection !== "open"
+            ? "Connecting"
+            : down
+              ? "No rover"
+              : "Link"}
       </span>
       {link && (
         <span className="num quiet row link-delays" data-testid="delays">
