@@ -18,9 +18,9 @@ use std::sync::Arc;
 use serde::Serialize;
 use tokio::sync::{Notify, oneshot};
 use wire::live::{
-    AckStage, CommandEvent, CommandRecord, CommandState, Downlink, EventLevel, EventNotice, ImageDown,
-    LinkClass,
-    LinkConfig, LinkReport, RoverTelemetry, StabilityDerived, Uplink, channel,
+    AckStage, CommandEvent, CommandRecord, CommandState, Downlink, EventLevel, EventNotice,
+    ImageDown, LinkClass, LinkConfig, LinkReport, RoverTelemetry, StabilityDerived, Uplink,
+    channel,
 };
 use wire::resources::LatestFrame;
 use wire::time::Timestamp;

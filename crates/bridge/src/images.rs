@@ -378,7 +378,11 @@ impl Pair {
             _ if image.whole().is_some() => format!("{side} is here"),
             None => format!("nothing of {side} has come"),
             Some(head) => {
-                format!("{side} lacks {} of {} bytes", head.bytes as usize - image.come(), head.bytes)
+                format!(
+                    "{side} lacks {} of {} bytes",
+                    head.bytes as usize - image.come(),
+                    head.bytes
+                )
             }
         };
         let [left, right] = &self.images;

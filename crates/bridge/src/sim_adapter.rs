@@ -5,7 +5,10 @@ mod imaging;
 use std::collections::BTreeMap;
 
 use rover::{LegAngles, Robot};
-use sim::{Basis, BodyKnot, Cameras, Command, Event, Frame, JointKnot, Mode, Motion, SimRover, Stage, WheelHold};
+use sim::{
+    Basis, BodyKnot, Cameras, Command, Event, Frame, JointKnot, Mode, Motion, SimRover, Stage,
+    WheelHold,
+};
 use wire::convert;
 use wire::live::{
     self, AckStage, CommandBody, Downlink, Executing, RoverMode, RoverTelemetry, Uplink,

@@ -37,11 +37,7 @@ const SEED_MAX: u64 = 1 << 53;
 pub fn rig(at: &At<'_>, robots: &Robots, name: &str, robot: &Robot) -> Result<Rig, RequestError> {
     let toml = robots.toml(at, name)?;
     Rig::from_toml(&toml, robot).map_err(|error| {
-        RequestError::at(
-            "robot_invalid",
-            at,
-            format_args!("{name:?} has a rig in which {error}"),
-        )
+        RequestError::at("robot_invalid", at, format_args!("{name:?} has a rig in which {error}"))
     })
 }
 

@@ -87,8 +87,7 @@ fn import(
     let (mut ground, now) = app.live.locked();
     let silence_max_s = app.config.commands.silence_max_s();
     let cameras = imaging::cameras(app.live.rig());
-    let adapter =
-        SimAdapter::new(now, rover).with_silence_max(silence_max_s).with_cameras(cameras);
+    let adapter = SimAdapter::new(now, rover).with_silence_max(silence_max_s).with_cameras(cameras);
     ground.replace_rover(now, who, Box::new(adapter))?;
     if let Err(error) = version.layers() {
         let text = format!("the map has no traversability: {error}");

@@ -50,8 +50,8 @@ use crate::terrains::terrain_error;
 
 pub use blend::PairSource;
 pub use pair::PairImages;
-pub use request::start;
 use pictures::Pictures;
+pub use request::start;
 
 /// Time allowed for a reconstruction (s).
 const DEADLINE_S: f64 = 600.0;

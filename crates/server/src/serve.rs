@@ -13,18 +13,18 @@ use bridge::bus::Bus;
 use bridge::clock::Clock;
 use bridge::ground::{self, Ground};
 use bridge::recorder::{ChannelSchema, Recorder, RecorderOptions};
-use bridge::views::{self, VIEWS_HZ, Views};
 use bridge::sim_adapter::SimAdapter;
-use stereo::rig::Rig;
+use bridge::views::{self, VIEWS_HZ, Views};
 use rover::Robot;
+use stereo::rig::Rig;
 use terrain::ElevationMap;
 use tokio::net::TcpListener;
 use tokio::sync::{Semaphore, watch};
 use utoipa::PartialSchema;
 use wire::check::{At, RequestError};
 use wire::live::{
-    CommandEvent, EventLevel, EventNotice, ImageReceived, JobReport, LinkReport, LogGap, ReachSummary,
-    RoverTelemetry, StabilityDerived, TerrainNotice, Uplink, channel,
+    CommandEvent, EventLevel, EventNotice, ImageReceived, JobReport, LinkReport, LogGap,
+    ReachSummary, RoverTelemetry, StabilityDerived, TerrainNotice, Uplink, channel,
 };
 use wire::reconstruction::MapRecord;
 use wire::scene::Scene as WireScene;

@@ -304,7 +304,8 @@ impl Cameras {
             drawer: Some(drawer),
             told: false,
         });
-        let event = Event { time_s: now_s, id: order.id.clone(), stage: Stage::Started, detail: None };
+        let event =
+            Event { time_s: now_s, id: order.id.clone(), stage: Stage::Started, detail: None };
         self.said.push((now_s, ImageWord::Stage(event)));
         Ok(())
     }
@@ -456,7 +457,9 @@ impl Cameras {
     fn send(&mut self, part: &Part) {
         let time_s = self.free_s;
         let id = part.capture();
-        let Some(capture) = self.captures.iter_mut().find(|capture| capture.id == id) else { return };
+        let Some(capture) = self.captures.iter_mut().find(|capture| capture.id == id) else {
+            return;
+        };
         let mut bytes = PIECE_OVERHEAD;
         let word = match part {
             Part::Head(image) => {

@@ -2,8 +2,8 @@
 
 use tokio::sync::oneshot;
 use wire::live::{
-    AuthorityReport, CommandBody, CommandRecord, CommandState, DirectionModel, EstopState, EventLevel,
-    LinkClass, LinkConfig, LinkReport, Uplink, channel,
+    AuthorityReport, CommandBody, CommandRecord, CommandState, DirectionModel, EstopState,
+    EventLevel, LinkClass, LinkConfig, LinkReport, Uplink, channel,
 };
 use wire::resources::EstopAnswer;
 use wire::time::Timestamp;

@@ -293,8 +293,7 @@ fn over_a_narrow_lossy_link_images_come_whole_and_frames_do_not_wait_for_them() 
     let mut ground = ground(&dir, down);
     ground.step(after(5.0));
     let simulated = Some(SimulatedCameras { seed: 2, ..SimulatedCameras::default() });
-    let wanted =
-        ImageOrder { rate_bps: Some(330_000.0), simulated, ..order(&["haz1", "nav1"]) };
+    let wanted = ImageOrder { rate_bps: Some(330_000.0), simulated, ..order(&["haz1", "nav1"]) };
     send(&mut ground, after(5.0), &uuid(1), wanted);
     let (ended, longest) = run_until_ended(&mut ground, after(5.0), &uuid(1));
     let answer = ground.images().answer(&uuid(1)).unwrap();
@@ -314,7 +313,10 @@ fn over_a_narrow_lossy_link_images_come_whole_and_frames_do_not_wait_for_them() 
         for image in ground.images().pair(&uuid(1), pair).unwrap() {
             let image = image.unwrap();
             let decoded = stereo::codec::decode(&image.png).unwrap();
-            assert_eq!([decoded.size().width as u32, decoded.size().height as u32], image.head.size_px);
+            assert_eq!(
+                [decoded.size().width as u32, decoded.size().height as u32],
+                image.head.size_px
+            );
             assert!(image.head.time.seconds_since(after(6.3)).abs() < 0.06, "taken on arrival");
         }
     }

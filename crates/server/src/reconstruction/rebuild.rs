@@ -175,17 +175,9 @@ fn changed(
     Ok(Ok(Some(blended)))
 }
 
-fn compare(
-    basis: &Basis<'_>,
-    record: &MapRecord,
-    blended: &Blended,
-) -> Result<Outcome, ApiError> {
-    let map = read(
-        blended.mapper.version(),
-        basis.ground,
-        blended.keep_prior,
-        &blended.pair_names(),
-    )?;
+fn compare(basis: &Basis<'_>, record: &MapRecord, blended: &Blended) -> Result<Outcome, ApiError> {
+    let map =
+        read(blended.mapper.version(), basis.ground, blended.keep_prior, &blended.pair_names())?;
     let (version, id) = (version_name(&map), blended.mapper.version().id().to_string());
     let same = version == record.terrain_version && record.blended.as_ref() == Some(&id);
     Ok(if same { Outcome::Same } else { Outcome::Differs { version, blended: id } })

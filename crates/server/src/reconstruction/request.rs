@@ -182,10 +182,10 @@ async fn collect(
         fraction: 0.0,
         message: None,
     };
-    let here = wanted.here.iter().map(|(_, pair)| PairProgress {
-        fraction: 1.0,
-        ..progress(pair, PairStage::Received)
-    });
+    let here = wanted
+        .here
+        .iter()
+        .map(|(_, pair)| PairProgress { fraction: 1.0, ..progress(pair, PairStage::Received) });
     let mut told: Vec<PairProgress> = here.collect();
     let n_here = told.len();
     let mut pairs = wanted.here;

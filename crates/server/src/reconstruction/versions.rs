@@ -223,9 +223,10 @@ fn changed(
             let message = "only the map in use can be changed; select that version first";
             return Err(ApiError::new("not_current", message));
         }
-        let blended = kept.blended.clone().ok_or_else(|| {
-            ApiError::new("capture_unknown", "no camera has made the map in use")
-        })?;
+        let blended = kept
+            .blended
+            .clone()
+            .ok_or_else(|| ApiError::new("capture_unknown", "no camera has made the map in use"))?;
         (blended, kept.ground.clone(), kept.n_grounds)
     };
     let before: Arc<MapVersion> = blended.mapper.version().clone();
@@ -236,7 +237,14 @@ fn changed(
     let map = read(&after, &ground, blended.keep_prior, &blended.pair_names())?;
     let made = app.store.prepare_seen(map, app.clock.now(), blended.seen_by(Some(changes)));
     let info = made.info.clone();
-    put(app, who, made, n_grounds, &format!("map changed: {what}"), (Some(blended), change.step()))?;
+    put(
+        app,
+        who,
+        made,
+        n_grounds,
+        &format!("map changed: {what}"),
+        (Some(blended), change.step()),
+    )?;
     Ok(info)
 }
 
@@ -255,7 +263,14 @@ pub fn select(app: &AppState, who: &str, name: &str) -> Result<TerrainVersion, A
         (state.map(|(_, blended)| blended.clone()), kept.n_grounds)
     };
     let info = version.info.clone();
-    put(app, who, version, n_grounds, &format!("map {name} is in use again"), (blended, MapStep::Selected {}))?;
+    put(
+        app,
+        who,
+        version,
+        n_grounds,
+        &format!("map {name} is in use again"),
+        (blended, MapStep::Selected {}),
+    )?;
     Ok(info)
 }
 

@@ -70,7 +70,8 @@ async fn a_map_is_made_of_images_that_are_here_and_made_again_from_the_log() {
     let record = ground.execute_body(&order(&["haz1", "haz2"])).await;
     let id = record["id"].as_str().unwrap().to_owned();
     captured(&ground, &id).await;
-    let here = json!({ "images": [format!("{id}/haz1"), format!("{id}/haz2")], "keep_prior": false });
+    let here =
+        json!({ "images": [format!("{id}/haz1"), format!("{id}/haz2")], "keep_prior": false });
     let report = ground.job(&ground.post("terrain/reconstructions", &here).await).await;
     assert_eq!(report["state"], "done", "{report}");
     let stages: Vec<&Value> =
@@ -118,7 +119,11 @@ async fn a_map_is_made_of_images_that_are_here_and_made_again_from_the_log() {
 
     // Readers of others see the same images.
     let test = "server::a_map_is_made_of_images_that_are_here_and_made_again_from_the_log";
-    let files = bridge::catalog::log_files(&dir.path().join("logs"), folder.file_name().unwrap().to_str().unwrap()).unwrap();
+    let files = bridge::catalog::log_files(
+        &dir.path().join("logs"),
+        folder.file_name().unwrap().to_str().unwrap(),
+    )
+    .unwrap();
     let web = testkit::project_dir().join("web");
     if web.join("node_modules/@mcap/core").is_dir() {
         let mut node = Command::new("node");
@@ -167,7 +172,10 @@ async fn a_lossy_narrow_link_brings_all_pieces_and_telemetry_does_not_wait() {
     ground.clock.run_at(30.0);
     let accepted = ground.post("terrain/reconstructions", &request).await;
     let report = ground.job(&accepted).await;
-    assert_eq!((&report["state"], &report["error"]["code"]), (&json!("failed"), &json!("images_missing")));
+    assert_eq!(
+        (&report["state"], &report["error"]["code"]),
+        (&json!("failed"), &json!("images_missing"))
+    );
     assert_eq!(report["pairs"][0]["stage"], "failed", "{report}");
     assert!(report["error"]["message"].as_str().unwrap().contains("haz3"), "{report}");
 }

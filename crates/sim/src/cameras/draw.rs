@@ -162,7 +162,6 @@ impl Task {
 
 /// A seed for each pair, which neither the choice of pairs nor their order changes.
 fn salted(seed: u64, name: &str) -> u64 {
-    name.bytes().fold(seed, |salt, byte| {
-        (salt ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
-    })
+    name.bytes()
+        .fold(seed, |salt, byte| (salt ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3))
 }

@@ -141,9 +141,8 @@ fn a_thread_aside_draws_the_same_images_and_ends_when_they_are_let_go() {
     take(&mut aside, &rover, &large).unwrap();
     aside.let_go("d");
     let words = aside.advance(now_s + 1.0);
-    let aborted = |word: &ImageWord| {
-        matches!(word, ImageWord::Stage(event) if event.stage == Stage::Aborted)
-    };
+    let aborted =
+        |word: &ImageWord| matches!(word, ImageWord::Stage(event) if event.stage == Stage::Aborted);
     assert!(words.iter().any(|(_, word)| aborted(word)), "{words:?}");
     assert!(take(&mut aside, &rover, &noisy).is_ok(), "the place is free again");
 }

@@ -97,8 +97,7 @@ pub fn camera_messages(
             CameraCalibration { timestamp: time, frame_id: frame_id.clone(), ..calibration };
         calibration.encode_to_vec().into()
     });
-    let world_from_camera =
-        Isometry3::from_parts(camera.center().into(), camera.axes());
+    let world_from_camera = Isometry3::from_parts(camera.center().into(), camera.axes());
     let place = FrameTransform {
         timestamp: time,
         parent_frame_id: "world".into(),
