@@ -126,9 +126,14 @@ impl SimAdapter {
                 convert::by_joint(robot.leg(leg), &frame.joint_torques[leg.0])
             }),
             mode,
+            // A motion, else what the cameras are at.
             executing: frame
                 .executing
-                .map(|e| Executing { command_id: e.id, progress: e.progress }),
+                .map(|e| Executing { command_id: e.id, progress: e.progress })
+                .or_else(|| {
+                    let (id, progress) = self.cameras.as_ref()?.under_way()?;
+                    Some(Executing { command_id: id.to_owned(), progress })
+                }),
             fault: frame.fault,
         })
     }

@@ -63,14 +63,14 @@ for path in sys.argv[1:]:
             assert channel.message_encoding == "protobuf" and name.split(".")[1].encode() in schema.data
             found[(camera, message.publish_time)] = fields(message.data)
 
-for (camera, _), image in images.items():
-    _, _, pair, side = camera.split("/")
+for key, image in images.items():
+    pair, side = key[0].split("/")[2:]
     frame = f"{pair}_{side}".encode()
     png = image[2][0]
     assert image[3] == [b"png"] and image[4] == [frame]
     assert png[:8] == b"\x89PNG\r\n\x1a\n"
     width, height = struct.unpack(">II", png[16:24])
-    calibration, place = calibrations[(camera, _)], places[(camera, _)]
+    calibration, place = calibrations[key], places[key]
     assert (calibration[2], calibration[3]) == ([width], [height]), calibration
     assert calibration[4] == [b"plumb_bob"] and calibration[9] == [frame]
     k, p = doubles(calibration[6][0]), doubles(calibration[8][0])

@@ -356,6 +356,13 @@ impl Cameras {
         self.forget_parts(capture);
     }
 
+    /// The order that is under way, and the share of its images that is drawn.
+    pub fn under_way(&self) -> Option<(&str, f64)> {
+        let capture = self.captures.iter().find(|capture| !capture.told)?;
+        let share = capture.images.len() as f64 / (2 * capture.pairs.len()).max(1) as f64;
+        Some((&capture.id, share))
+    }
+
     /// Goes on to time `to_s` on board; gives what was said since the last call, each with its time,
     /// in order.
     pub fn advance(&mut self, to_s: f64) -> Vec<(f64, ImageWord)> {

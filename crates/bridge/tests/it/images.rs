@@ -301,6 +301,8 @@ fn over_a_narrow_lossy_link_images_come_whole_and_frames_do_not_wait_for_them() 
     let bytes: u64 = answer.pairs.iter().map(|pair| pair.bytes).sum();
     // No faster than the rate, and what was lost took one or two rounds more.
     let took = ended.seconds_since(after(5.0));
+    let pixels = 4 * 256 * 192;
+    eprintln!("{:.3} bytes a pixel in {took:.1} s", bytes as f64 / f64::from(pixels));
     let least = 2.6 + 8.0 * bytes as f64 / 400_000.0;
     assert!(took > least && took < 2.0 * least + 15.0, "{bytes} bytes in {took} s");
     // A frame waits for one frame of 1 kB on the link at most, and its own time.

@@ -152,7 +152,7 @@ async fn a_lossy_narrow_link_brings_all_pieces_and_telemetry_does_not_wait() {
         "up_delay_s": 0.02, "down_delay_s": 0.02,
         "down": {
             "rate_bps": 1_000_000.0, "seed": 4,
-            "loss": { "kind": "bernoulli", "probability": 0.02 }
+            "loss": { "kind": "bernoulli", "probability": 0.1 }
         }
     });
     assert_eq!(ground.call("PUT", "/api/v1/link", Some(&link)).await.status, 200);

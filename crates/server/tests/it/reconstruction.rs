@@ -140,8 +140,11 @@ async fn one_at_a_time_which_can_be_cancelled_and_changes_nothing_then() {
     let second = ground.post("terrain/reconstructions", &json!({ "cameras": ["nav1"] })).await;
     assert_eq!((second.status.as_u16(), second.code().as_str()), (429, "busy"));
     let path = format!("/api/v1/jobs/{}", accepted.json()["id"].as_str().unwrap());
-    let stage = || async { ground.get(&path).await.json()["pairs"][0]["stage"].take() };
-    ground.until("the first pieces", || async { stage().await == "on_the_way" }).await;
+    let begun = || async {
+        let report = ground.get(&path).await.json();
+        report.pointer("/pairs/0/stage") == Some(&json!("on_the_way"))
+    };
+    ground.until("the first pieces", begun).await;
     assert_eq!(ground.call("DELETE", &path, None).await.status, 200);
     let ended = ground.job(&accepted).await;
     assert_eq!(ended["state"], "cancelled", "{ended}");
