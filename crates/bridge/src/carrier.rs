@@ -33,5 +33,7 @@ mod remote;
 
 pub use converse::{Shared, converse};
 pub use end::{Bounds, End, Fate, Identity, Parcel, Reason};
-pub use frame::{BODY_MAX, Body, CarrierError, Decoder, GREETING_MAX, Hello, PROTOCOL, Side, encode};
+pub use frame::{
+    BODY_MAX, Body, CarrierError, Decoder, GREETING_MAX, Hello, PROTOCOL, Side, encode,
+};
 pub use remote::{GroundEnd, RemoteRover, Said};

@@ -18,8 +18,8 @@ use std::sync::Arc;
 use serde::Serialize;
 use tokio::sync::{Notify, oneshot};
 use wire::live::{
-    CarrierState, CommandEvent, CommandRecord, CommandState, Downlink, EventLevel, EventNotice, LinkClass,
-    LinkConfig, LinkReport, RoverTelemetry, StabilityDerived, Uplink, channel,
+    CarrierState, CommandEvent, CommandRecord, CommandState, Downlink, EventLevel, EventNotice,
+    LinkClass, LinkConfig, LinkReport, RoverTelemetry, StabilityDerived, Uplink, channel,
 };
 use wire::resources::LatestFrame;
 use wire::time::Timestamp;

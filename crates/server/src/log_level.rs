@@ -40,8 +40,9 @@ pub fn set(text: &str) -> Result<String, FilterError> {
         let why = format!("a filter has 1 to {FILTER_MAX} characters, as info,bridge=debug");
         return Err(FilterError::Text(why));
     }
-    let filter = EnvFilter::try_new(text)
-        .map_err(|error| FilterError::Text(format!("{error}; a filter is like info,bridge=debug")))?;
+    let filter = EnvFilter::try_new(text).map_err(|error| {
+        FilterError::Text(format!("{error}; a filter is like info,bridge=debug"))
+    })?;
     let handle = HANDLE.get().ok_or(FilterError::Fixed)?;
     handle.reload(filter).map_err(|_| FilterError::Fixed)?;
     current().ok_or(FilterError::Fixed)

@@ -255,7 +255,10 @@ pub(crate) fn first_map(config: &Config, root: FileRoot) -> Result<ElevationMap,
 }
 
 /// The robot of a configuration, loaded, scaled and with its payloads.
-pub(crate) fn robot(config: &Arc<Config>, robots: &Arc<Robots>) -> Result<Arc<Robot>, RequestError> {
+pub(crate) fn robot(
+    config: &Arc<Config>,
+    robots: &Arc<Robots>,
+) -> Result<Arc<Robot>, RequestError> {
     let scene = WireScene {
         robot: Some(config.rover.robot.clone()),
         scale: Some(config.rover.scale),

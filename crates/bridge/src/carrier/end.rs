@@ -93,7 +93,9 @@ impl Reason {
     /// In words, to be read after "not handed over to the rover".
     pub fn text(self) -> &'static str {
         match self {
-            Reason::TooOld => "the connection to the rover was down for longer than a command waits",
+            Reason::TooOld => {
+                "the connection to the rover was down for longer than a command waits"
+            }
             Reason::Estop => "an E-stop came before it was handed over",
             Reason::Restarted => "the rover's process was restarted before it was handed over",
             Reason::Full => "too many messages wait for the rover",

@@ -112,8 +112,7 @@ pub async fn run(host: Arc<Mutex<RoverHost>>, clock: Arc<dyn Clock>) -> JournalE
             return error;
         }
         // Woken or not, it steps again.
-        let _ =
-            tokio::time::timeout(Duration::from_secs_f64(STEP_S), arrived.notified()).await;
+        let _ = tokio::time::timeout(Duration::from_secs_f64(STEP_S), arrived.notified()).await;
     }
 }
 

@@ -182,7 +182,11 @@ impl Journal {
                 && found != of
             {
                 let (found, wanted) = (found.clone(), of.to_owned());
-                return Err(JournalError::Other { path: path.display().to_string(), found, wanted });
+                return Err(JournalError::Other {
+                    path: path.display().to_string(),
+                    found,
+                    wanted,
+                });
             }
             memory.take(line);
         }

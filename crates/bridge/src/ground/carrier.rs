@@ -66,8 +66,9 @@ impl Ground {
                 if before == Some(CarrierState::Up) {
                     self.carrier_lost = Some(now);
                 }
-                let text =
-                    format!("the connection to the rover at {address} is lost ({why}); it is dialed anew");
+                let text = format!(
+                    "the connection to the rover at {address} is lost ({why}); it is dialed anew"
+                );
                 (EventLevel::Warning, text)
             }
             CarrierState::Refused => {

@@ -63,7 +63,10 @@ fn a_new_estop_on_top_of_a_release_waits_for_a_word_of_its_own() {
     let second = estop.stop(after(5.5), after(6.8));
     assert_eq!(estop.state(), EstopState::Sent);
     for old in [&first, &release] {
-        assert!(!estop.acknowledged(START, old, AckStage::Completed), "an old word confirms nothing");
+        assert!(
+            !estop.acknowledged(START, old, AckStage::Completed),
+            "an old word confirms nothing"
+        );
     }
     assert!(estop.acknowledged(START, &second, AckStage::Received));
     assert_eq!(estop.state(), EstopState::Confirmed);

@@ -37,8 +37,7 @@ fn over_cuts_of_one_to_thirty_seconds_nothing_is_lost_doubled_or_late() {
     let (rover, received) = FakeRover::new();
     let journal = Journal::open(folder.path(), "r", START).unwrap();
     let bounds = Bounds::default();
-    let mut host =
-        RoverHost::new(START, Box::new(rover), journal, "r0".into(), "r".into(), bounds);
+    let mut host = RoverHost::new(START, Box::new(rover), journal, "r0".into(), "r".into(), bounds);
     let remote = RemoteRover::new(START, "virtual", "g0".into(), "r".into(), bounds);
     let (up, down) = (remote.shared(), host.shared());
     let recorder = Recorder::start_on(Box::new(FaultyDisk::default()), options()).unwrap();
@@ -51,6 +50,7 @@ fn over_cuts_of_one_to_thirty_seconds_nothing_is_lost_doubled_or_late() {
     let (mut number, mut refused, mut slowest_s, mut next_send) = (0, 0, 0.0_f64, 1.0);
     let mut tick = 0_u32;
     let mut now = START;
+    let ending = std::cell::Cell::new(false);
     let mut until = |seconds: f64, ground: &mut Ground, wire: &mut VirtualWire, rng: &mut _| {
         let end = now.plus_seconds(seconds);
         while now < end {
@@ -59,10 +59,11 @@ fn over_cuts_of_one_to_thirty_seconds_nothing_is_lost_doubled_or_late() {
             host.step(now).unwrap();
             wire.step(now, &up, &down, rng);
             ground.step(now);
-            let busy = ground.commands().records().any(|r| {
-                is_outstanding(r.state) && r.state != CommandState::Overdue
-            });
-            if now.seconds_since(START) < next_send || busy {
+            let busy = ground
+                .commands()
+                .records()
+                .any(|r| is_outstanding(r.state) && r.state != CommandState::Overdue);
+            if now.seconds_since(START) < next_send || busy || ending.get() {
                 continue;
             }
             next_send = now.seconds_since(START) + rng.random_range(0.3..3.0);
@@ -98,6 +99,7 @@ fn over_cuts_of_one_to_thirty_seconds_nothing_is_lost_doubled_or_late() {
         }
         slowest_s = slowest_s.max(at.seconds_since(over));
     }
+    ending.set(true);
     let end = until(40.0, &mut ground, &mut wire, &mut rng);
     assert_eq!(ground.carrier().unwrap().state, CarrierState::Up);
 
@@ -127,11 +129,13 @@ fn over_cuts_of_one_to_thirty_seconds_nothing_is_lost_doubled_or_late() {
             frames.push(message.onboard_time);
         }
     }
-    let expected: Vec<Timestamp> = (0..frames.len()).scan(START, |next, _| {
-        let at = *next;
-        *next = next.plus_seconds(0.1);
-        Some(at)
-    }).collect();
+    let expected: Vec<Timestamp> = (0..frames.len())
+        .scan(START, |next, _| {
+            let at = *next;
+            *next = next.plus_seconds(0.1);
+            Some(at)
+        })
+        .collect();
     assert_eq!(frames, expected);
     assert!(end.seconds_since(*frames.last().unwrap()) < LIGHT_S + 0.5);
     let link = ground.link();
@@ -199,11 +203,11 @@ fn a_rover_that_is_killed_remembers_where_it_is_what_it_did_and_that_it_is_stopp
     let mut wire = VirtualWire::default();
     let mut now = START;
     let run_for = |seconds: f64,
-                       now: &mut Timestamp,
-                       host: &mut RoverHost,
-                       wire: &mut VirtualWire,
-                       heard: &mut Vec<Downlink>,
-                       rng: &mut ChaCha8Rng| {
+                   now: &mut Timestamp,
+                   host: &mut RoverHost,
+                   wire: &mut VirtualWire,
+                   heard: &mut Vec<Downlink>,
+                   rng: &mut ChaCha8Rng| {
         let end = now.plus_seconds(seconds);
         while *now < end {
             *now = now.plus_seconds(0.05);
@@ -242,7 +246,11 @@ fn a_rover_that_is_killed_remembers_where_it_is_what_it_did_and_that_it_is_stopp
         let turn = if kill % 2 == 1 { 0.12 } else { -0.05 };
         up.end().push(now, hold(&id, "leg1", joints, 4.0, turn));
         run_for(1.0 + 0.2 * f64::from(kill), &mut now, &mut rover, &mut wire, &mut heard, &mut rng);
-        assert!(words(&heard, &id).contains(&AckStage::Started), "kill {kill}: {:?}", words(&heard, &id));
+        assert!(
+            words(&heard, &id).contains(&AckStage::Started),
+            "kill {kill}: {:?}",
+            words(&heard, &id)
+        );
         let moving = last_frame(&heard);
         assert_eq!(moving.mode, RoverMode::Executing);
         die(&mut wire, now);
@@ -305,7 +313,8 @@ fn a_memory_that_was_torn_is_used_up_to_there_and_one_of_another_rover_is_refuse
         let opened = Journal::open(folder.path(), "robot a", START).unwrap();
         let known = opened.memory().words.len();
         // Whole lines before the cut are all there: the last may have begun and not ended.
-        let begun = bytes[..cut].split(|b| *b == b'\n').filter(|l| l.windows(5).any(|w| w == b"begin"));
+        let begun =
+            bytes[..cut].split(|b| *b == b'\n').filter(|l| l.windows(5).any(|w| w == b"begin"));
         assert!(known == begun.clone().count() || known + 1 == begun.count(), "cut at {cut}");
         for (word, expected) in opened.memory().words.iter().zip(&whole.words) {
             assert_eq!(word.id, expected.id);

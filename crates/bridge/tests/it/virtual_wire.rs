@@ -3,12 +3,12 @@
 
 use std::sync::Arc;
 
-use bridge::carrier::{CarrierError, GroundEnd, Shared};
+use bridge::carrier::Parcel;
 use bridge::carrier::host::RoverEnd;
+use bridge::carrier::{CarrierError, GroundEnd, Shared};
 use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
 use serde::de::DeserializeOwned;
-use bridge::carrier::Parcel;
 use wire::time::Timestamp;
 
 /// How a connection is cut.

@@ -75,7 +75,11 @@ async fn report(State(app): State<AppState>) -> Json<AdminReport> {
         queue("link down", link.down.in_flight, Some(bridge::ground::DOWNLINK_MAX as u64)),
         queue("listeners", listeners as u64, Some(listeners_max as u64)),
         queue("jobs", jobs as u64, Some(app.config.server.jobs_max as u64)),
-        queue("replays", app.replays.list().len() as u64, Some(app.config.server.replays_max as u64)),
+        queue(
+            "replays",
+            app.replays.list().len() as u64,
+            Some(app.config.server.replays_max as u64),
+        ),
     ];
     if let Some(carrier) = &link.carrier {
         let bounds = bridge::carrier::Bounds::default();
@@ -115,12 +119,18 @@ async fn log_level(
     Body(wanted): Body<LogFilter>,
 ) -> Result<Json<LogFilter>, ApiError> {
     let filter = log_level::set(&wanted.filter).map_err(|error| match error {
-        FilterError::Text(why) => {
-            ApiError::from(RequestError::at("out_of_range", &At::root("filter"), format_args!("is no filter: {why}")))
-        }
+        FilterError::Text(why) => ApiError::from(RequestError::at(
+            "out_of_range",
+            &At::root("filter"),
+            format_args!("is no filter: {why}"),
+        )),
         FilterError::Fixed => ApiError::new("log_level_fixed", error.to_string()),
     })?;
-    app.live.notice(EventLevel::Info, &who, &format!("set which messages the server tells to {filter}"));
+    app.live.notice(
+        EventLevel::Info,
+        &who,
+        &format!("set which messages the server tells to {filter}"),
+    );
     Ok(Json(LogFilter { filter }))
 }
 
@@ -139,7 +149,8 @@ async fn reconnect(
     let (mut ground, now) = app.live.locked();
     ground.reconnect(now, &who);
     ground.carrier().map(Json).ok_or_else(|| {
-        let message = "the rover is simulated within the server, so there is no connection to make anew";
+        let message =
+            "the rover is simulated within the server, so there is no connection to make anew";
         ApiError::new("rover_in_process", message)
     })
 }

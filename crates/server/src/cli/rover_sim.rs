@@ -54,7 +54,9 @@ fn rover(
         let at = convert::configuration(&At::root("state"), robot, &place.state)?;
         match SimRover::new(scene, at, gravity) {
             Ok(rover) => return Ok(rover),
-            Err(why) => tracing::warn!("the rover cannot stand where it was, so it is placed anew: {why}"),
+            Err(why) => {
+                tracing::warn!("the rover cannot stand where it was, so it is placed anew: {why}")
+            }
         }
     }
     let (heading, pose) = (config.rover.heading_rad, &config.rover.pose);
@@ -76,8 +78,7 @@ fn begin(args: &RoverSimArgs, now: Timestamp) -> Result<RoverHost, Failure> {
         .map_err(|error| RequestError::new("rover_memory", error.to_string()))?;
     let mut rover = rover(&mission, &robot, &map, journal.memory())?;
     journal.memory().recall(&mut rover);
-    let adapter =
-        SimAdapter::new(now, rover).with_silence_max(config.commands.silence_max_s());
+    let adapter = SimAdapter::new(now, rover).with_silence_max(config.commands.silence_max_s());
     let run = uuid::Uuid::now_v7().to_string();
     Ok(RoverHost::new(now, Box::new(adapter), journal, run, hash, Bounds::default()))
 }

@@ -172,8 +172,7 @@ fn rover_address(text: &str) -> Result<String, Failure> {
     });
     good.map(str::to_owned).ok_or_else(|| {
         let shown: String = text.chars().take(80).collect();
-        let message =
-            format!("--rover {shown} is no address of a rover; it takes tcp://host:port");
+        let message = format!("--rover {shown} is no address of a rover; it takes tcp://host:port");
         RequestError::new("rover_address_invalid", message).into()
     })
 }

@@ -136,7 +136,11 @@ fn told(name: &str, heard: &[(Pace, Heard)]) {
         at(0.99)
     );
     for (i, (pace, heard)) in heard.iter().enumerate() {
-        assert_eq!(heard.heard() + heard.missed, heard.expected(), "console {i}: a gap is not told");
+        assert_eq!(
+            heard.heard() + heard.missed,
+            heard.expected(),
+            "console {i}: a gap is not told"
+        );
         if *pace == Pace::Healthy {
             assert_eq!(heard.missed, 0, "console {i} keeps up and misses nothing");
         }
@@ -151,12 +155,9 @@ fn full() -> bool {
 async fn consoles_that_are_stopped_or_slow_hurt_only_themselves() {
     let (healthy, stopped, slow, per_s, seconds) =
         if full() { (80, 10, 10, 200.0, 35.0) } else { (4, 1, 1, 1000.0, 7.0) };
-    let paces = [
-        vec![Pace::Healthy; healthy],
-        vec![Pace::Stopped; stopped],
-        vec![Pace::Slow; slow],
-    ]
-    .concat();
+    let paces =
+        [vec![Pace::Healthy; healthy], vec![Pace::Stopped; stopped], vec![Pace::Slow; slow]]
+            .concat();
     let heard = serve(&paces, per_s, seconds).await;
     told("stopped and slow among them", &heard);
     let stopped = heard.iter().filter(|(pace, _)| *pace == Pace::Stopped);
@@ -204,11 +205,14 @@ async fn more_work_than_can_be_done_is_refused_and_the_estop_passes() {
     }
     // Two places and sixteen that wait: the rest is sent away, at once.
     assert!(refused >= load - 18 - 20 && refused < load, "{refused} of {load} refused");
-    ground.until("the rover's word", || async {
-        ground.get("/api/v1/link").await.json()["estop"] == "confirmed"
-    })
-    .await;
+    ground
+        .until("the rover's word", || async {
+            ground.get("/api/v1/link").await.json()["estop"] == "confirmed"
+        })
+        .await;
     let after = ground.get("/api/v1/rover").await.json()["latest"]["sequence"].as_u64().unwrap();
     assert!(after > before, "telemetry goes on");
-    eprintln!("{refused} of {load} refused within {slowest:?}; E-stop taken {taken:?} after the begin");
+    eprintln!(
+        "{refused} of {load} refused within {slowest:?}; E-stop taken {taken:?} after the begin"
+    );
 }

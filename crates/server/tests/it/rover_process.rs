@@ -181,7 +181,8 @@ fn either_process_is_killed_in_the_middle_of_a_command_and_the_truth_is_told() {
     until("the truth", || state(&ground, &third) == "done");
     assert_eq!(state(&ground, &first), "aborted");
     let journal = std::fs::read_to_string(dir.path().join("rover/rover.journal")).unwrap();
-    let begun = |id: &str| journal.lines().filter(|l| l.contains("\"begin\"") && l.contains(id)).count();
+    let begun =
+        |id: &str| journal.lines().filter(|l| l.contains("\"begin\"") && l.contains(id)).count();
     assert_eq!((begun(&second), begun(&third)), (1, 1));
 
     // An E-stop stays in force over the end of either.
@@ -225,7 +226,8 @@ fn either_process_is_killed_in_the_middle_of_a_command_and_the_truth_is_told() {
         let (status, answer) = level(bad);
         assert_eq!((status, &answer["error"]["code"]), (422, &json!("out_of_range")), "{bad}");
     }
-    let connections = |ground: &Process| get(ground, "link")["carrier"]["counters"]["connections"].as_u64();
+    let connections =
+        |ground: &Process| get(ground, "link")["carrier"]["counters"]["connections"].as_u64();
     let before = connections(&ground);
     assert_eq!(post(&ground, "admin/reconnect", &json!({})).0, 200);
     until("another connection", || connections(&ground) > before && carrier(&ground) == "up");
@@ -238,7 +240,14 @@ fn either_process_is_killed_in_the_middle_of_a_command_and_the_truth_is_told() {
 
 #[test]
 fn what_cannot_be_started_is_refused_in_one_sentence() {
-    for address in ["127.0.0.1:7400", "http://127.0.0.1:1", "tcp://", "tcp://host", "tcp://h:0", "tcp://h:99999"] {
+    for address in [
+        "127.0.0.1:7400",
+        "http://127.0.0.1:1",
+        "tcp://",
+        "tcp://host",
+        "tcp://h:0",
+        "tcp://h:99999",
+    ] {
         let run = footfall(&["serve", "--rover", address, "--port", "0"], "");
         assert_eq!((run.status, run.errors.lines().count()), (2, 1), "{}", run.errors);
         assert!(run.errors.contains("tcp://host:port"), "{}", run.errors);
