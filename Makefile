@@ -67,7 +67,8 @@ bench: tools ## Run all benchmarks and print one table
 soak: tools $(VENV)/mcap-$(MCAP_PYTHON) ## Run 10^5 generated requests, and the long forms of tests by brute force
 	FOOTFALL_SOAK=$${FOOTFALL_SOAK:-100000} cargo test --release --locked -p motion -p server --test it soak
 	FOOTFALL_FULL=1 cargo test --release --locked -p collision --test it
-	FOOTFALL_FULL=1 cargo test --release --locked -p bridge --test it -- link:: histories:: authority::
+	FOOTFALL_FULL=1 cargo test --release --locked -p bridge --test it -- link:: histories:: authority:: carrier:: partition::
+	cargo test --release --locked -p server --test it -- --nocapture consoles:: rover_process
 	FOOTFALL_FULL=1 cargo test --release --locked -p motion --test it -- final_check body_shift
 	FOOTFALL_FULL=1 cargo test --release --locked -p terrain --test it -- damaged
 	FOOTFALL_FULL=1 FOOTFALL_PYTHON=$(CURDIR)/$(VENV)/bin/python cargo test --release --locked -p bridge --test it -- \

@@ -268,17 +268,18 @@ fn an_estop_passes_what_waits_and_ends_the_commands_among_it() {
 fn an_estop_is_written_behind_one_piece_at_most_whatever_waits() {
     let mut rng = ChaCha8Rng::seed_from_u64(8);
     let mut most = 0;
-    for case in 0..cases(10_000) {
+    let n = if cases(10) == 10 { 10_000 } else { 200 };
+    for case in 0..n {
         let (up, down) = (ground(START, "g0"), rover(START, "r0"));
         up.end().open(START);
         down.end().open(START);
         let (hello, answer) = (up.end().output(START), down.end().output(START));
         up.end().receive(START, &answer).unwrap();
         down.end().receive(START, &hello).unwrap();
-        for number in 0..rng.random_range(0..60) {
+        for number in 0..rng.random_range(0..40) {
             let mut load = command(number);
             if let Uplink::Command { basis_joints_rad, .. } = &mut load {
-                let joints = vec![0.1; rng.random_range(0..3000)];
+                let joints = vec![0.1; rng.random_range(0..1000)];
                 basis_joints_rad.insert("leg1".into(), joints);
             }
             up.end().push(START, load);

@@ -50,6 +50,7 @@ fn over_cuts_of_one_to_thirty_seconds_nothing_is_lost_doubled_or_late() {
     let (mut number, mut refused, mut slowest_s, mut next_send) = (0, 0, 0.0_f64, 1.0);
     let mut tick = 0_u32;
     let mut now = START;
+    let ending = std::cell::Cell::new(false);
     let mut until = |seconds: f64, ground: &mut Ground, wire: &mut VirtualWire, rng: &mut _| {
         let end = now.plus_seconds(seconds);
         while now < end {
@@ -62,7 +63,7 @@ fn over_cuts_of_one_to_thirty_seconds_nothing_is_lost_doubled_or_late() {
                 .commands()
                 .records()
                 .any(|r| is_outstanding(r.state) && r.state != CommandState::Overdue);
-            if now.seconds_since(START) < next_send || busy {
+            if now.seconds_since(START) < next_send || busy || ending.get() {
                 continue;
             }
             next_send = now.seconds_since(START) + rng.random_range(0.3..3.0);
@@ -98,6 +99,7 @@ fn over_cuts_of_one_to_thirty_seconds_nothing_is_lost_doubled_or_late() {
         }
         slowest_s = slowest_s.max(at.seconds_since(over));
     }
+    ending.set(true);
     let end = until(40.0, &mut ground, &mut wire, &mut rng);
     assert_eq!(ground.carrier().unwrap().state, CarrierState::Up);
 

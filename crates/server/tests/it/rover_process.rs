@@ -133,7 +133,12 @@ fn send(server: &Process, seconds: f64) -> Result<String, Value> {
     let (status, armed) = post(server, &format!("commands/{id}/arm"), &json!({}));
     assert_eq!(status, 200, "{armed}");
     let (status, sent) = post(server, &format!("commands/{id}/send"), &json!({}));
-    if status == 200 { Ok(id) } else { Err(sent["error"]["code"].clone()) }
+    if status == 200 {
+        return Ok(id);
+    }
+    // It stays armed, and would be sent once the rover is back.
+    assert_eq!(post(server, &format!("commands/{id}/cancel"), &json!({})).0, 200);
+    Err(sent["error"]["code"].clone())
 }
 
 fn state(server: &Process, id: &str) -> Value {
