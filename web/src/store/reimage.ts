@@ -1,0 +1,50 @@
+// The offered sequence for ground that a leg hides: lift the leg, ask the pairs again, place it.
+
+import { create } from "zustand";
+
+import { parseTime } from "../lib/time";
+import { type ReimageStage, stageOf } from "../lib/reimage";
+import { useConsole } from "./console";
+import { currentVersion, useVersions } from "./versions";
+
+export interface ReimageState {
+  /** The leg whose ground is to be uncovered. */
+  leg: string | null;
+  /** When it was last seen to leave the ground, on board (ms). */
+  lifted_ms: number | null;
+  /** When it came down again. */
+  placed_ms: number | null;
+}
+
+const NOTHING: ReimageState = { leg: null, lifted_ms: null, placed_ms: null };
+
+export const useReimage = create<ReimageState>(() => NOTHING);
+
+export function offerReimage(leg: string | null): void {
+  if (leg !== useReimage.getState().leg) useReimage.setState({ ...NOTHING, leg });
+  follow();
+}
+
+/** Notes when the leg leaves the ground and comes back. */
+function follow(): void {
+  const { leg, lifted_ms, placed_ms } = useReimage.getState();
+  const rover = useConsole.getState().stream.live.rover;
+  if (leg === null || !rover) return;
+  const stands = rover.message.contacts[leg];
+  if (stands === false && (lifted_ms === null || placed_ms !== null)) {
+    useReimage.setState({ lifted_ms: rover.onboard_ms, placed_ms: null });
+  } else if (stands === true && lifted_ms !== null && placed_ms === null) {
+    useReimage.setState({ placed_ms: rover.onboard_ms });
+  }
+}
+
+useConsole.subscribe((now, before) => {
+  if (now.stream.live.rover !== before.stream.live.rover) follow();
+});
+
+export function useReimageStage(): ReimageStage {
+  const { lifted_ms, placed_ms } = useReimage();
+  const captured = useVersions((s) => currentVersion(s)?.captured ?? null);
+  const captured_ms = captured == null ? null : parseTime(captured);
+  return stageOf({ lifted_ms, placed_ms, captured_ms });
+}
