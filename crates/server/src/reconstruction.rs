@@ -28,7 +28,9 @@ use nalgebra::{Point2, Point3};
 use rover::{Posture, Robot};
 use stereo::StereoError;
 use stereo::rig::{CameraPair, Rig};
-use terrain::fusion::{AlignSettings, Correction, Input, MapSettings, MapVersion, Mapper, PairDem, ReadPolicy};
+use terrain::fusion::{
+    AlignSettings, Correction, Input, MapSettings, MapVersion, Mapper, PairDem, ReadPolicy,
+};
 use terrain::{ElevationMap, Source, SourceKind};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use wire::check::{self, At, RequestError};

@@ -4,10 +4,10 @@ import type { CoverageAnswer } from "../api/types";
 import type { ClassStyle } from "../scene/palette";
 
 export const COVERAGE: ClassStyle[] = [
-  { value: 1, name: "by one pair", color: "#3f8fa3", hatch: "none", strength: 0.4 },
-  { value: 2, name: "by two or more", color: "#59c4b0", hatch: "none", strength: 0.5 },
+  { value: 1, name: "by one pair", color: "#3f9db5", hatch: "none", strength: 0.5 },
+  { value: 2, name: "by two or more", color: "#63d6bd", hatch: "none", strength: 0.55 },
   { value: 3, name: "hidden by a leg", color: "#b9a6e8", hatch: "cross", strength: 0.6 },
-  { value: 0, name: "by none", color: "#77828e", hatch: "rising", strength: 0.42 },
+  { value: 0, name: "by none", color: "#2f3944", hatch: "rising", strength: 0.55 },
 ];
 
 function bytesOf(base64: string): Uint8Array {

@@ -77,9 +77,9 @@ describe("the difference between versions", () => {
     expect(name(NaN, 1)).toBe("new");
     expect(name(1, NaN)).toBe("gone");
     expect(name(1, 1.009)).toBe("within 1 cm");
-    expect(name(1, 1.03)).toBe("higher by 1–5 cm");
-    expect(name(1, 0.97)).toBe("lower by 1–5 cm");
-    expect(name(1, 1.2)).toBe("higher by > 5 cm");
-    expect(name(1, 0.8)).toBe("lower by > 5 cm");
+    expect(name(1, 1.03)).toBe("1–5 cm higher");
+    expect(name(1, 0.97)).toBe("1–5 cm lower");
+    expect(name(1, 1.2)).toBe("> 5 cm higher");
+    expect(name(1, 0.8)).toBe("> 5 cm lower");
   });
 });

@@ -41,9 +41,9 @@ const SCALE = ["#46327e", "#365c8d", "#277f8e", "#1fa187", "#4ac16d", "#a0da39",
 const NOTHING: ClassStyle = {
   value: 0,
   name: "unknown",
-  color: "#77828e",
+  color: "#2f3944",
   hatch: "rising",
-  strength: 0.35,
+  strength: 0.55,
 };
 
 function scaled(names: string[]): ClassStyle[] {
@@ -94,12 +94,12 @@ export function heightSteps([low, high]: [number, number]): Steps {
 
 /** How well the ground is seen, by the classes of the server's `mask`. */
 export const SEEN: ClassStyle[] = [
-  { value: 1, name: "seen", color: "#3f8fa3", hatch: "none", strength: 0.34 },
+  { value: 1, name: "seen", color: "#3f9db5", hatch: "none", strength: 0.42 },
   { value: 6, name: "wheel stood", color: "#5fd3a0", hatch: "none", strength: 0.6 },
   { value: 2, name: "robot in view", color: "#b9a6e8", hatch: "cross", strength: 0.55 },
   { value: 3, name: "robot's edge", color: "#8d7bc4", hatch: "dots", strength: 0.5 },
   { value: 4, name: "contradictory", color: "#d98a45", hatch: "level", strength: 0.6 },
-  { value: 5, name: "map before", color: "#77828e", hatch: "falling", strength: 0.4 },
+  { value: 5, name: "map before", color: "#4a5663", hatch: "falling", strength: 0.5 },
   { ...NOTHING, name: "never seen" },
 ];
 
@@ -119,7 +119,7 @@ const SOURCE_COLORS = [
 export function sourceStyles(sources: string[]): ClassStyle[] {
   const styles = sources.slice(0, 11).map((name, i): ClassStyle => {
     const value = i + 1;
-    if (i === 0) return { value, name, color: "#77828e", hatch: "falling", strength: 0.4 };
+    if (i === 0) return { value, name, color: "#4a5663", hatch: "falling", strength: 0.5 };
     if (i === 1) return { value, name, color: "#5fd3a0", hatch: "dots", strength: 0.6 };
     const color = SOURCE_COLORS[(i - 2) % SOURCE_COLORS.length]!;
     return { value, name, color, hatch: "none", strength: 0.6 };
@@ -129,11 +129,11 @@ export function sourceStyles(sources: string[]): ClassStyle[] {
 
 /** Between two versions: what is new, gone, higher, lower (m). */
 export const DIFFERENCE: ClassStyle[] = [
-  { value: 1, name: "lower by > 5 cm", color: "#3f6fd0", hatch: "none", strength: 0.7 },
-  { value: 2, name: "lower by 1–5 cm", color: "#7fa3dd", hatch: "none", strength: 0.5 },
+  { value: 1, name: "> 5 cm lower", color: "#3f6fd0", hatch: "none", strength: 0.7 },
+  { value: 2, name: "1–5 cm lower", color: "#7fa3dd", hatch: "none", strength: 0.5 },
   { value: 3, name: "within 1 cm", color: "#9aa3ad", hatch: "none", strength: 0.12 },
-  { value: 4, name: "higher by 1–5 cm", color: "#dba16a", hatch: "none", strength: 0.5 },
-  { value: 5, name: "higher by > 5 cm", color: "#c9642f", hatch: "none", strength: 0.7 },
+  { value: 4, name: "1–5 cm higher", color: "#dba16a", hatch: "none", strength: 0.5 },
+  { value: 5, name: "> 5 cm higher", color: "#c9642f", hatch: "none", strength: 0.7 },
   { value: 6, name: "new", color: "#4fae8a", hatch: "dots", strength: 0.6 },
   { value: 7, name: "gone", color: "#a85b8f", hatch: "cross", strength: 0.6 },
   NOTHING,

@@ -77,8 +77,8 @@ if (uOverlayOn > 0.5) {
     }
     float shade = 0.85 + 0.5 * bulge;
     float lines = hatching(hatch, vGround);
-    dust = mix(dust, tint * shade, strength * (1.0 - 0.5 * lines));
-    dust = mix(dust, tint * 0.35, 0.55 * lines * strength);
+    dust = mix(dust, tint * shade, strength * (1.0 - 0.25 * lines));
+    dust = mix(dust, tint * 0.3, 0.75 * lines * strength);
   }
 }
 diffuseColor.rgb = dust;

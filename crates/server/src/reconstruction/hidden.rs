@@ -114,9 +114,8 @@ fn blocked_by(
             return None;
         }
         let length = way.norm();
-        hit = hit.or_else(|| {
-            body.cast(&camera.center(), &(way / length), (length - SLACK_M).max(0.0))
-        });
+        hit = hit
+            .or_else(|| body.cast(&camera.center(), &(way / length), (length - SLACK_M).max(0.0)));
     }
     let Target::Link(link) = hit?.target else { return None };
     Some(match robot.body_of(link) {

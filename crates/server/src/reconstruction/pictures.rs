@@ -69,9 +69,10 @@ fn disparity(disparity: &Disparity) -> Result<Bytes, png::EncodingError> {
     let size = disparity.size();
     let places = (0..size.height).flat_map(|y| (0..size.width).map(move |x| (x, y)));
     let values: Vec<Option<f32>> = places.map(|(x, y)| disparity.at(x, y)).collect();
-    let (low, high) = values.iter().flatten().fold((f32::MAX, f32::MIN), |(low, high), d| {
-        (low.min(*d), high.max(*d))
-    });
+    let (low, high) = values
+        .iter()
+        .flatten()
+        .fold((f32::MAX, f32::MIN), |(low, high), d| (low.min(*d), high.max(*d)));
     let span = (high - low).max(1e-3);
     let index = |d: &Option<f32>| match d {
         None => 0,

@@ -212,9 +212,10 @@ fn changed(
             let message = "only the map in use can be changed; select that version first";
             return Err(ApiError::new("not_current", message));
         }
-        let blended = kept.blended.clone().ok_or_else(|| {
-            ApiError::new("capture_unknown", "no camera has made the map in use")
-        })?;
+        let blended = kept
+            .blended
+            .clone()
+            .ok_or_else(|| ApiError::new("capture_unknown", "no camera has made the map in use"))?;
         (blended, kept.ground.clone(), kept.n_grounds)
     };
     let before: Arc<MapVersion> = blended.mapper.version().clone();

@@ -1,6 +1,7 @@
 // What the chosen pairs would see and what asking them costs, before they are asked.
 
-import { Camera } from "lucide-react";
+import { Camera, ChevronDown, ChevronRight } from "lucide-react";
+import { useState } from "react";
 
 import { costOf, type Detail, type Region, type Wish } from "../../lib/cameras";
 import { hiddenByLegs } from "../../lib/coverage";
@@ -99,17 +100,51 @@ function Coverage() {
   );
 }
 
+const REGIONS: Record<Region, [label: string, title: string]> = {
+  all: ["All seen", "All ground that the pairs see"],
+  rover: ["Within 4 m", "Within 4 m of the rover"],
+  pick: ["At the pick", "Within 1.5 m of the picked place"],
+};
+
+/** How fine, where, and what becomes of the map before: one line until it is opened. */
 function Wishes() {
+  const [open, setOpen] = useState(false);
+  const wish = useCameras((s) => s.wish);
+  const detail = DETAILS.find(([value]) => value === wish.detail)!;
+  const Arrow = open ? ChevronDown : ChevronRight;
+  const summary = [
+    detail[1],
+    REGIONS[wish.region][0].toLowerCase(),
+    `${Math.round(100 * wish.resolution_m)} cm`,
+    ...(wish.keepPrior ? [] : ["without the map before"]),
+    ...(wish.anew ? ["anew"] : []),
+  ].join(", ");
+  return (
+    <>
+      <button
+        type="button"
+        className="wishes-head"
+        aria-expanded={open}
+        data-testid="wishes"
+        title="How fine, where, and what becomes of the map before"
+        onClick={() => setOpen(!open)}
+      >
+        <Arrow size={14} aria-hidden />
+        <span className="small">{summary}</span>
+      </button>
+      {open && <WishFields />}
+    </>
+  );
+}
+
+function WishFields() {
   const wish = useCameras((s) => s.wish);
   const picked = useSelection((s) => s.pick !== null);
   const made = useVersions((s) => currentVersion(s)?.pairs?.length ?? 0);
   const set = (change: Partial<Wish>) =>
     useCameras.setState((s) => ({ wish: { ...s.wish, ...change } }));
-  const regions: [Region, string, string][] = [
-    ["all", "All seen", "All ground that the pairs see"],
-    ["rover", "4 m", "Within 4 m of the rover"],
-    ["pick", "At the pick", "Within 1.5 m of the picked place"],
-  ];
+  const regions = (Object.keys(REGIONS) as Region[]).filter((r) => r !== "pick" || picked);
+  const cells_m = useVersions((s) => currentVersion(s)?.resolution_m ?? null);
   return (
     <>
       <Segments
@@ -123,7 +158,7 @@ function Wishes() {
       <Segments
         name="map-region"
         label="Ground to map"
-        choices={picked ? regions : regions.slice(0, 2)}
+        choices={regions.map((r) => [r, ...REGIONS[r]])}
         value={wish.region === "pick" && !picked ? "all" : wish.region}
         set={(region) => set({ region })}
         testId="region"
@@ -131,7 +166,7 @@ function Wishes() {
       <div className="row between">
         <label
           className="check small"
-          title="Where no pair sees ground, it stays as in the map from before"
+          title="Where no pair sees ground, it stays as in the map before"
         >
           <input
             type="checkbox"
@@ -147,7 +182,11 @@ function Wishes() {
             className="cells"
             data-testid="cells"
             value={wish.resolution_m}
-            onChange={(event) => set({ resolution_m: Number(event.target.value), anew: true })}
+            onChange={(event) => {
+              const resolution_m = Number(event.target.value);
+              // What was seen so far can only be gone on from at its own distance of nodes.
+              set({ resolution_m, anew: made > 0 && resolution_m !== cells_m });
+            }}
           >
             <option value={0.05}>5 cm</option>
             <option value={0.1}>10 cm</option>

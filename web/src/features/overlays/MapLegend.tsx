@@ -14,11 +14,12 @@ export function MapLegend() {
   const layers = layersOf(version);
   const layer = layerShown(wanted, version);
   if (!version || layer === null) return <p className="quiet small">No map has come yet.</p>;
-  const present = new Set(shown?.layer === layer ? shown.classes : []);
+  const ready = state === "ready" && shown?.of === version.version && shown.layer === layer;
   const styles = stylesOf(layer, version);
+  const present = new Set(ready ? shown.classes : []);
   // Classes that do not occur only take room, but for steps, of which the ends tell something.
   const sparse = layer === "seen" || layer === "source" || layer === "difference";
-  const told = sparse && state === "ready" ? styles.filter((s) => present.has(s.value)) : styles;
+  const told = sparse && ready ? styles.filter((s) => present.has(s.value)) : styles;
   return (
     <>
       <label className="field">
@@ -36,7 +37,12 @@ export function MapLegend() {
         </select>
       </label>
       {state === "failed" ? <p className="small trouble">{failure}</p> : <Legend styles={told} />}
-      <p className="sr" role="status" data-testid="map-layer-state" data-state={state}>
+      <p
+        className="sr"
+        role="status"
+        data-testid="map-layer-state"
+        data-state={ready ? "ready" : state === "ready" ? "loading" : state}
+      >
         {state === "loading" ? "Layer is loaded" : ""}
       </p>
       {layers.length === 1 && (

@@ -1,0 +1,47 @@
+import { expect, test } from "./support/console";
+const DIR = "/tmp/shots-flow";
+test("look", async ({ ops, page, server }) => {
+  test.setTimeout(300_000);
+  await page.setViewportSize({ width: 1440, height: 900 });
+  await server.setDelay(0.05);
+  await ops.open();
+  const shot = (name: string) => page.screenshot({ path: `${DIR}/${name}.png` });
+  await ops.at("tab-map").click();
+  await expect(ops.at("pair-nav1")).toBeVisible();
+  await shot("1-empty");
+  await ops.at("pairs-all").click();
+  await expect(ops.at("coverage")).toHaveAttribute("data-state", "ready", { timeout: 60_000 });
+  await page.waitForTimeout(500);
+  await shot("2-all");
+  await ops.at("pairs-none").click();
+  for (const n of ["nav1", "haz1", "haz2"]) await ops.at(`pair-${n}`).check();
+  await expect(ops.at("coverage")).toHaveAttribute("data-state", "ready", { timeout: 60_000 });
+  await page.keyboard.press("v");
+  await page.waitForTimeout(700);
+  await shot("3-three");
+  await ops.at("ask-pairs").click();
+  await page.waitForTimeout(2500);
+  await shot("4-progress");
+  await expect(ops.at("changes")).toBeVisible({ timeout: 120_000 });
+  await expect(ops.at("map-layer-state")).toHaveAttribute("data-state", "ready", { timeout: 60_000 });
+  await page.waitForTimeout(1000);
+  await shot("5-seen");
+  for (const layer of ["height", "sigma", "count", "age", "source", "difference"]) {
+    await ops.at("map-layer").selectOption(layer);
+    await expect(ops.at("map-layer-state")).toHaveAttribute("data-state", "ready", { timeout: 60_000 });
+    await page.waitForTimeout(600);
+    await shot(`6-${layer}`);
+  }
+  await page.locator('[data-testid^="pictures-"]').first().click();
+  await page.waitForTimeout(500);
+  await shot("7-raw");
+  await ops.at("pictures-disparity").check();
+  await page.waitForTimeout(500);
+  await shot("8-disparity");
+  await page.keyboard.press("Escape");
+  await page.keyboard.press("3");
+  await page.waitForTimeout(500);
+  await page.evaluate(() => (document.documentElement.dataset.theme = "light"));
+  await page.waitForTimeout(500);
+  await shot("9-light");
+});
