@@ -32,6 +32,10 @@ test("three pairs make a map with holes, a step is walked on it, and the holes c
     await expect(at("coverage")).toContainText(/Would see \d+ % of the ground/);
     await expect(at("overlay-coverage")).toBeChecked();
     await expect(at("cost")).toContainText("1.2 MB");
+    // A quarter of the size is a sixteenth of the work.
+    await at("wishes").click();
+    await at("detail-quick").check();
+    await expect(at("cost")).toContainText("295 kB");
   });
 
   const before = await coverage(server);
@@ -51,7 +55,7 @@ test("three pairs make a map with holes, a step is walked on it, and the holes c
     await expect(at("progress-haz2")).toHaveAttribute("data-stage", "requested");
     await expect(at("progress-nav1")).toHaveAttribute("data-stage", "fused", { timeout: 60_000 });
   });
-  await expect(at("changes")).toContainText("Added nav1, haz1, haz2");
+  await expect(at("changes")).toContainText("Added NavCam 1, HazCam 1, HazCam 2");
   const [first] = (await versions(server)).versions;
   expect(first!.pairs!.map((pair) => pair.name)).toEqual(PAIRS);
   expect(first!.changes!.new_m2).toBeGreaterThan(5);

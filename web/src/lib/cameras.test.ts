@@ -11,6 +11,7 @@ import {
   pairProgress,
   requestOf,
   shareOf,
+  withCameraNames,
 } from "./cameras";
 
 const camera = (name: string, change: Partial<CameraAnswer> = {}): CameraAnswer => ({
@@ -126,6 +127,9 @@ describe("words", () => {
       "HazCam 3",
       "mast",
     ]);
+    expect(withCameraNames("added nav1, haz2 and mast1")).toBe(
+      "added NavCam 1, HazCam 2 and mast1",
+    );
     expect([cameraMark("nav1"), cameraMark("haz12"), cameraMark("mast")]).toEqual([
       "N1",
       "H12",

@@ -158,6 +158,11 @@ export function cameraLabel(name: string): string {
     .replace(/^tool(\d+)$/, "ToolCam $1");
 }
 
+/** A sentence of the server with the pairs by their names: `added nav1` → `added NavCam 1`. */
+export function withCameraNames(text: string): string {
+  return text.replace(/\b(nav|haz|tool)\d+\b/g, cameraLabel);
+}
+
 /** Two or three letters for a plan. */
 export function cameraMark(name: string): string {
   const found = /^(\p{L})\p{L}*(\d+)$/u.exec(name);

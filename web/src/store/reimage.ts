@@ -2,6 +2,7 @@
 
 import { create } from "zustand";
 
+import type { Vec3 } from "../api/types";
 import { parseTime } from "../lib/time";
 import { type ReimageStage, stageOf } from "../lib/reimage";
 import { useConsole } from "./console";
@@ -10,18 +11,21 @@ import { currentVersion, useVersions } from "./versions";
 export interface ReimageState {
   /** The leg whose ground is to be uncovered. */
   leg: string | null;
+  /** Ground that it hides, if that is known (m). */
+  hole: Vec3 | null;
   /** When it was last seen to leave the ground, on board (ms). */
   lifted_ms: number | null;
   /** When it came down again. */
   placed_ms: number | null;
 }
 
-const NOTHING: ReimageState = { leg: null, lifted_ms: null, placed_ms: null };
+const NOTHING: ReimageState = { leg: null, hole: null, lifted_ms: null, placed_ms: null };
 
 export const useReimage = create<ReimageState>(() => NOTHING);
 
-export function offerReimage(leg: string | null): void {
-  if (leg !== useReimage.getState().leg) useReimage.setState({ ...NOTHING, leg });
+export function offerReimage(leg: string | null, hole: Vec3 | null = null): void {
+  if (leg !== useReimage.getState().leg) useReimage.setState({ ...NOTHING, leg, hole });
+  else if (hole) useReimage.setState({ hole });
   follow();
 }
 

@@ -6,7 +6,7 @@ import { api, sentenceOf } from "../../api/client";
 import type { CellAnswer, Vec3 } from "../../api/types";
 import { cameraLabel } from "../../lib/cameras";
 import { capital, degrees, legLabel, metres, signless } from "../../lib/format";
-import { formatSpan, parseTime } from "../../lib/time";
+import { formatAge, parseTime } from "../../lib/time";
 import { canStand, type Help, isOutOfPlan, reachStyle, whatHelps, whyNot } from "../../lib/whyNot";
 import { TRAVERSABILITY } from "../../scene/palette";
 import { useServerNow } from "../../store/now";
@@ -103,11 +103,11 @@ function SeenBy({ seen }: { seen: NonNullable<CellAnswer["seen"]> }) {
   const age_s = (now - parseTime(seen.capture_time)) / 1000;
   return (
     <p className="small cell-seen" data-testid="cell-seen">
-      {capital(who)}
+      <span className="cell-seen-who">{capital(who)}</span>
       {!seen.prior && (
         <span className="num quiet">
           {" "}
-          {formatSpan(age_s)} ago, ±{(100 * seen.sigma_m).toFixed(1)} cm, {seen.observations}×
+          {formatAge(age_s)} ago, ±{(100 * seen.sigma_m).toFixed(1)} cm, {seen.observations}×
         </span>
       )}
       {seen.hidden && <span className="trouble"> hidden by the robot now</span>}

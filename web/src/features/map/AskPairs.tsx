@@ -8,7 +8,7 @@ import { hiddenByLegs } from "../../lib/coverage";
 import { fileSize, legLabel, percent } from "../../lib/format";
 import { formatSpan } from "../../lib/time";
 import { askPairs, chosenCameras, useCameras } from "../../store/cameras";
-import { useConsole } from "../../store/console";
+import { useConsole, useLive } from "../../store/console";
 import { offerReimage } from "../../store/reimage";
 import { chooseLeg, pickAt, useSelection } from "../../store/selection";
 import { useTerrain } from "../../store/terrain";
@@ -86,8 +86,9 @@ function Coverage() {
                 onClick={() => {
                   chooseLeg(by);
                   const { raster } = useTerrain.getState();
-                  if (raster) pickAt(raster.point(...place_m));
-                  offerReimage(by);
+                  const hole = raster?.point(...place_m) ?? null;
+                  pickAt(hole);
+                  offerReimage(by, hole);
                 }}
               >
                 {legLabel(by)} hides <span className="num">{area_m2.toFixed(1)} m²</span>
@@ -216,7 +217,8 @@ function Request() {
   const connected = useConsole((s) => s.connection === "open");
   const known = useConsole((s) => s.stream.live.rover !== null);
   const cameras = chosenCameras(state);
-  const cost = costOf(cameras, state.wish.detail, state.rate_bps);
+  const rate = useLive((c) => c.link?.message.config.down?.rate_bps ?? null) ?? state.rate_bps;
+  const cost = costOf(cameras, state.wish.detail, rate);
   const area = cost.bytes / Math.max(1, ...cameras.map((c) => c.raw_bytes));
   const why = !connected ? "No connection to the ground" : !known ? "No telemetry yet" : null;
   const n = cameras.length;

@@ -3,9 +3,9 @@
 import { Image, Trash2, Undo2 } from "lucide-react";
 
 import type { TerrainVersion, VersionPair } from "../../api/types";
-import { cameraLabel, healthOf } from "../../lib/cameras";
+import { cameraLabel, healthOf, withCameraNames } from "../../lib/cameras";
 import { capital, degrees, percent, signless } from "../../lib/format";
-import { formatSpan, parseTime } from "../../lib/time";
+import { formatAge, parseTime } from "../../lib/time";
 import { showLayer } from "../../store/mapLayer";
 import { useServerNow } from "../../store/now";
 import { showPictures } from "../../store/pictures";
@@ -54,7 +54,7 @@ function Changes({ version }: { version: TerrainVersion }) {
   return (
     <div className="stack tight" data-testid="changes">
       <div className="row between">
-        <span className="small">{capital(changes.what)}</span>
+        <span className="small">{capital(withCameraNames(changes.what))}</span>
         <button
           type="button"
           className="button bare"
@@ -87,7 +87,7 @@ function Capture({ pair, version }: { pair: VersionPair; version: string }) {
         <StatusMark status={grade} label={why} />
         <strong>{name}</strong>
         <span className="quiet small num capture-age">
-          {formatSpan((now - parseTime(pair.capture_time)) / 1000)}
+          {formatAge((now - parseTime(pair.capture_time)) / 1000)}
         </span>
         <button
           type="button"

@@ -2,10 +2,11 @@
 
 import { Check, X } from "lucide-react";
 
+import type { CameraAnswer } from "../../api/types";
 import { cameraLabel, intoBase, looksAt } from "../../lib/cameras";
 import { capital, legLabel } from "../../lib/format";
 import type { ReimageStage } from "../../lib/reimage";
-import { askPairs, choose, useCameras } from "../../store/cameras";
+import { askPairs, choose, chosenCameras, useCameras } from "../../store/cameras";
 import { useConsole, useLive } from "../../store/console";
 import { useBlocked } from "../../store/permission";
 import { makePlan, usePlan } from "../../store/plan";
@@ -141,15 +142,18 @@ function PlanButton({ leg, label, testId }: { leg: string; label: string; testId
   );
 }
 
-/** The pairs that look where the leg stood. */
+/** The pairs that look at what was hidden or at the pick; else those that are chosen. */
 function Ask({ leg }: { leg: string }) {
-  const cameras = useCameras((s) => s.cameras);
-  const asking = useCameras((s) => s.asking !== null);
+  const state = useCameras();
+  const hole = useReimage((s) => s.hole);
+  const pick = useSelection((s) => (s.leg === leg ? s.pick : null));
   const rover = useLive((c) => c.rover?.message ?? null);
   const connected = useConsole((s) => s.connection === "open");
-  const foot = rover?.contact_points_m[leg];
-  const point = foot && rover ? intoBase(rover.state.base, foot) : null;
-  const near = point ? (cameras ?? []).filter((c) => looksAt(c, point)) : [];
+  const points = [hole, pick, rover?.contact_points_m[leg]].filter((p) => p != null);
+  const looks = (camera: CameraAnswer) =>
+    rover !== null && points.some((p) => looksAt(camera, intoBase(rover.state.base, p)));
+  const looking = (state.cameras ?? []).filter(looks);
+  const near = looking.length > 0 ? looking : chosenCameras(state);
   const names = near.map((c) => c.name);
   if (near.length === 0) {
     return <p className="small quiet">No pair looks there: choose pairs above, and ask them.</p>;
@@ -160,7 +164,7 @@ function Ask({ leg }: { leg: string }) {
         type="button"
         className="button primary"
         data-testid="reimage-ask"
-        disabled={asking || !connected}
+        disabled={state.asking !== null || !connected}
         onClick={() => {
           choose(names);
           void askPairs();

@@ -1,7 +1,7 @@
 // The versions that are kept: when, of what, and back to one of them.
 
 import type { TerrainVersion } from "../../api/types";
-import { cameraLabel } from "../../lib/cameras";
+import { withCameraNames } from "../../lib/cameras";
 import { capital } from "../../lib/format";
 import { formatClock, parseTime } from "../../lib/time";
 import { selectVersion, useVersions } from "../../store/versions";
@@ -41,5 +41,5 @@ export function Versions() {
 
 function titleOf({ changes, source }: TerrainVersion): string {
   const text = changes ? changes.what : source;
-  return capital(text.replace(/\b(nav|haz|tool)\d+\b/g, cameraLabel));
+  return capital(withCameraNames(text));
 }
