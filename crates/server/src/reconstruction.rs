@@ -391,7 +391,8 @@ fn reconstruct(app: &AppState, who: &str, work: Work, job: &JobHandle) -> Result
         return Err(ApiError::new("nothing_seen", message));
     }
     blended.note(&pairs, work.capture_time, job.id());
-    blended.touch(&work.wheels, time_ns)?;
+    let radii = work.robot.leg_ids().map(|leg| work.robot.leg(leg).wheel.radius);
+    blended.touch(&work.wheels, radii.fold(0.0, f64::max), time_ns)?;
     job.progress(0.9, "judges the ground");
     let changes = blended.mapper.version().changes_since(&before);
     let names: Vec<&str> = pairs.iter().map(|pair| pair.name.as_str()).collect();
