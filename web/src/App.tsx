@@ -11,6 +11,8 @@ import { KeySheet } from "./features/keys/KeySheet";
 import { useHotkeys } from "./features/keys/useHotkeys";
 import { LegsPanel, StancePanel } from "./features/legs/LegsPanel";
 import { LogPanel } from "./features/log/LogPanel";
+import { MapPanel } from "./features/map/MapPanel";
+import { Pictures } from "./features/map/Pictures";
 import { DrawingPanel } from "./features/overlays/DrawingPanel";
 import { OverlayPanel } from "./features/overlays/OverlayPanel";
 import { useReachability } from "./features/overlays/useReachability";
@@ -20,9 +22,11 @@ import { SceneView } from "./features/scene/SceneView";
 import { StabilityPanel } from "./features/stability/StabilityPanel";
 import { StepStrip } from "./features/step-strip/StepStrip";
 import { TelemetryPanel } from "./features/telemetry/TelemetryPanel";
+import { startCameras } from "./store/cameras";
 import { start, useConsole } from "./store/console";
 import { startEnergy } from "./store/energy";
 import { startMargins } from "./store/marginHistory";
+import { startMapLayer } from "./store/mapLayer";
 import { startPosture } from "./store/posture";
 import { loadTerrain, useTerrain } from "./store/terrain";
 import { type RightTab, useView } from "./store/view";
@@ -49,6 +53,8 @@ export function App() {
   useEffect(startMargins, []);
   useEffect(startEnergy, []);
   useEffect(startPosture, []);
+  useEffect(startCameras, []);
+  useEffect(startMapLayer, []);
   useHotkeys();
   useTerrainOfVersion();
   useReachability();
@@ -68,6 +74,7 @@ export function App() {
       </main>
       {replay ? <Timeline replay={replay} /> : <StepStrip />}
       <ImportDialog />
+      <Pictures />
       <KeySheet />
     </div>
   );
@@ -105,6 +112,7 @@ function LeftPanels() {
 const TABS: [RightTab, string][] = [
   ["step", "Step"],
   ["hand", "By hand"],
+  ["map", "Map"],
   ["stability", "Stability"],
   ["telemetry", "Telemetry"],
   ["log", "Log"],
@@ -160,6 +168,7 @@ function RightPanel() {
           >
             {tab === "step" && <PlanPanel />}
             {tab === "hand" && <HandPanel />}
+            {tab === "map" && <MapPanel />}
             {tab === "stability" && <StabilityPanel />}
             {tab === "telemetry" && <TelemetryPanel />}
             {tab === "log" && <LogPanel />}

@@ -1,10 +1,12 @@
 // One function per route of the server. Errors are `ApiError` with the server's code and sentence.
 
 import type {
+  CamerasAnswer,
   CellAnswer,
   CellExplanation,
   CommandList,
   CommandRecord,
+  CoverageAnswer,
   ErrorInfo,
   EstopAnswer,
   ImportRequest,
@@ -18,6 +20,8 @@ import type {
   PostureAnswer,
   PostureRequest,
   ReachSummary,
+  ReconstructionAnswer,
+  ReconstructionRequest,
   ReplayChange,
   ReplayState,
   RoverAnswer,
@@ -27,6 +31,7 @@ import type {
   StabilityRequest,
   StageRequest,
   TerrainFiles,
+  TerrainVersion,
   TerrainVersions,
   Vec3,
 } from "./types";
@@ -127,6 +132,21 @@ export const api = {
     await send(`terrain/files/${part(name)}`, { method: "PUT", body: file });
   },
   importTerrain: (request: ImportRequest) => json<JobReport>("POST", "terrain/imports", request),
+
+  cameras: () => json<CamerasAnswer>("GET", "rover/cameras"),
+  coverage: (cameras: string[], signal: AbortSignal) =>
+    json<CoverageAnswer>("POST", "rover/cameras/coverage", { cameras }, signal),
+  reconstruct: (request: ReconstructionRequest) =>
+    json<JobReport>("POST", "terrain/reconstructions", request),
+  reconstruction: (path: string) => json<ReconstructionAnswer>("GET", path),
+  selectVersion: (version: string) =>
+    json<TerrainVersion>("POST", `terrain/versions/${part(version)}/select`),
+  removePair: (version: string, source: number) =>
+    json<TerrainVersion>("DELETE", `terrain/${part(version)}/pairs/${source}`),
+  fitPair: (version: string, source: number, fitted: boolean) =>
+    json<TerrainVersion>("PUT", `terrain/${part(version)}/pairs/${source}/fit`, { fitted }),
+  pictureOf: (reconstruction: string, pair: string, picture: string) =>
+    `${BASE}/terrain/reconstructions/${part(reconstruction)}/pairs/${part(pair)}/${picture}.png`,
 
   stability: (request: StabilityRequest, signal: AbortSignal) =>
     json<StabilityAnswer>("POST", "analysis/stability", request, signal),

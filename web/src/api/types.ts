@@ -35,6 +35,8 @@ interface Lengths {
   load_share_n: Record<string, Vec3>;
   center_of_force_m: Vec2;
   energy_edge: [string, string];
+  size_px: Vec2;
+  range_m: Vec2;
 }
 
 type Sized<T> = T extends (infer Item)[]
@@ -102,6 +104,17 @@ export type TerrainVersions = Wire<"TerrainVersions">;
 export type TerrainFiles = Wire<"TerrainFiles">;
 export type ImportRequest = Wire<"ImportRequest">;
 export type CellAnswer = Omit<Wire<"CellAnswer">, "position_m"> & { position_m: Vec2 };
+
+export type CamerasAnswer = Wire<"CamerasAnswer">;
+export type CameraAnswer = Wire<"CameraAnswer">;
+export type CoverageAnswer = Wire<"CoverageAnswer">;
+export type HiddenGround = Omit<Wire<"HiddenGround">, "place_m"> & { place_m: Vec2 };
+export type ReconstructionRequest = Wire<"ReconstructionRequest">;
+export type ReconstructionAnswer = Wire<"ReconstructionAnswer">;
+export type VersionPair = Wire<"VersionPair">;
+export type VersionChanges = Wire<"VersionChanges">;
+export type PairProgress = Wire<"PairProgress">;
+export type PairStage = Wire<"PairStage">;
 
 export type JobReport = Wire<"JobReport">;
 export type ErrorInfo = Omit<Wire<"ErrorInfo">, "details"> & { details?: unknown };

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 
-import { dayOfYear, formatClock, formatDayTime, formatSpan, parseTime } from "./time";
+import { dayOfYear, formatClock, formatDayTime, formatSpan, parseTime, formatAge } from "./time";
 
 describe("times", () => {
   it("are read with their decimals", () => {
@@ -37,5 +37,13 @@ describe("times", () => {
     ]);
     expect(formatSpan(-3)).toBe("0.0 s");
     expect(formatSpan(NaN)).toBe("–");
+  });
+});
+
+describe("ages", () => {
+  it("are told in whole units", () => {
+    const texts = [0, 0.4, 33.4, 99.6, 150, 5999, 7000, 200_000, NaN].map(formatAge);
+    expect(texts).toEqual(["0 s", "0 s", "33 s", "2 min", "3 min", "100 min", "2 h", "2 d", "–"]);
+    expect(formatAge(-5)).toBe("0 s");
   });
 });

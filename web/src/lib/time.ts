@@ -55,3 +55,12 @@ export function formatSpan(seconds: number): string {
   const [h, m] = [Math.floor(whole / 3600), Math.floor(whole / 60) % 60];
   return h > 0 ? `${h}:${two(m)}:${two(whole % 60)}` : `${m}:${two(whole % 60)}`;
 }
+
+/** How long ago, in whole units that do not jitter: `33 s`, `5 min`, `2 h`, `3 d`. */
+export function formatAge(seconds: number): string {
+  if (!Number.isFinite(seconds)) return "–";
+  const s = Math.max(0, Math.round(seconds));
+  if (s < 100) return `${s} s`;
+  if (s < 6000) return `${Math.round(s / 60)} min`;
+  return s < 172_800 ? `${Math.round(s / 3600)} h` : `${Math.round(s / 86_400)} d`;
+}

@@ -13,11 +13,15 @@ import type {
 import { type PlanPose, poseAt } from "../lib/pose";
 import { type RegionKey, regionOf } from "../lib/regions";
 import { predictedPose } from "../lib/step";
+import { COVERAGE } from "../lib/coverage";
+import { stylesOf } from "../lib/mapLayers";
+import { useCameras } from "../store/cameras";
 import { useConsole } from "../store/console";
 import { useEnergy } from "../store/energy";
 import { freshnessOf } from "../store/freshness";
 import { useFollow } from "../store/follow";
 import { shownNow } from "../store/now";
+import { useMapLayer } from "../store/mapLayer";
 import { usePlan } from "../store/plan";
 import { useGhost } from "../store/posture";
 import { useReach } from "../store/reach";
@@ -207,6 +211,16 @@ function bindTerrain(viewer: Viewer): Unbind {
       const { shape } = terrain.raster;
       return { shape, classes: terrain.classes, styles: TRAVERSABILITY };
     }
+    if (kind === "coverage") {
+      const { raster: seen } = useCameras.getState();
+      return seen && { shape: seen, classes: seen.classes, styles: COVERAGE };
+    }
+    if (kind === "map") {
+      const { shown: laid } = useMapLayer.getState();
+      if (!laid || laid.of !== terrain.version?.version) return null;
+      const styles = stylesOf(laid.layer, terrain.version);
+      return { shape: laid.shape, classes: laid.classes, styles };
+    }
     if (kind === "reachability" && grid) {
       const circle = reachCircle(grid.header, useReach.getState().leg);
       return { shape: grid.header, classes: grid.classes, styles: REACH_STYLES, circle };
@@ -220,7 +234,7 @@ function bindTerrain(viewer: Viewer): Unbind {
     last = next?.classes ?? null;
     viewer.setOverlay(next);
   };
-  const stops = [useTerrain, useReach, useView].map((store) =>
+  const stops = [useTerrain, useReach, useView, useCameras, useMapLayer].map((store) =>
     (store.subscribe as (listener: () => void) => Unbind)(update),
   );
   update();

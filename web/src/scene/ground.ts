@@ -32,7 +32,7 @@ export interface OverlayRaster {
 }
 
 const MAX_TEXTURE = 2048;
-const CLASSES = 8;
+const CLASSES = 12;
 
 function emptyTexture(): DataTexture {
   const texture = new DataTexture(new Uint8Array(1), 1, 1, RedFormat);

@@ -14,9 +14,9 @@ uniform vec2 uOverlayNodes;
 uniform float uOverlayStep;
 uniform float uOverlayOn;
 uniform vec3 uOverlayCircle;
-uniform vec3 uStyles[8];
-uniform float uStrengths[8];
-uniform float uHatches[8];
+uniform vec3 uStyles[12];
+uniform float uStrengths[12];
+uniform float uHatches[12];
 
 vec4 reliefAt(vec2 place) {
   vec2 share = (place - uOrigin) / uExtent;
@@ -68,7 +68,7 @@ if (uOverlayOn > 0.5) {
     vec3 tint = vec3(0.5);
     float strength = 0.0;
     float hatch = 0.0;
-    for (int i = 0; i < 8; i++) {
+    for (int i = 0; i < 12; i++) {
       if (i == kind) {
         tint = uStyles[i];
         strength = uStrengths[i];
@@ -77,8 +77,8 @@ if (uOverlayOn > 0.5) {
     }
     float shade = 0.85 + 0.5 * bulge;
     float lines = hatching(hatch, vGround);
-    dust = mix(dust, tint * shade, strength * (1.0 - 0.5 * lines));
-    dust = mix(dust, tint * 0.35, 0.55 * lines * strength);
+    dust = mix(dust, tint * shade, strength * (1.0 - 0.25 * lines));
+    dust = mix(dust, tint * 0.3, 0.75 * lines * strength);
   }
 }
 diffuseColor.rgb = dust;

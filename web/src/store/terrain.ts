@@ -89,7 +89,7 @@ async function traversability(
 }
 
 /** Four tiles at a time. */
-async function eachTile(
+export async function eachTile(
   version: TerrainVersion,
   work: (x: number, y: number) => Promise<void>,
 ): Promise<void> {

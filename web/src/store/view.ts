@@ -5,9 +5,9 @@ import { create } from "zustand";
 import { setOperator } from "../api/client";
 import { REGION_KEYS, type RegionKey } from "../lib/regions";
 
-export type Overlay = "none" | "traversability" | "reachability" | "energy";
+export type Overlay = "none" | "traversability" | "reachability" | "energy" | "map" | "coverage";
 export type CameraView = "iso" | "top" | "leg";
-export type RightTab = "step" | "hand" | "stability" | "telemetry" | "log";
+export type RightTab = "step" | "hand" | "map" | "stability" | "telemetry" | "log";
 
 export interface ViewState {
   overlay: Overlay;

@@ -105,7 +105,8 @@ pub(super) fn blend(
     }
     if pairs.iter().any(|pair| pair.cells > 0) {
         let wheels: Vec<Point3<f64>> = step.wheels_m.iter().map(|p| Point3::from(*p)).collect();
-        blended.touch(&wheels, ns(step.time))?;
+        let radii = site.robot.leg_ids().map(|leg| site.robot.leg(leg).wheel.radius);
+        blended.touch(&wheels, radii.fold(0.0, f64::max), ns(step.time))?;
     }
     Ok(Blend { pairs, pictures })
 }

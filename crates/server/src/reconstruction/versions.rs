@@ -130,9 +130,11 @@ impl Blended {
     pub(super) fn touch(
         &mut self,
         wheels: &[nalgebra::Point3<f64>],
+        wheel_radius_m: f64,
         time_ns: i64,
     ) -> Result<(), RequestError> {
-        let radius_m = 1.5 * self.mapper.settings().resolution_m;
+        let least_m = 1.5 * self.mapper.settings().resolution_m;
+        let radius_m = least_m.max(CONTACT_SHARE * wheel_radius_m);
         for position_m in wheels {
             let source = self.next_source;
             let contact = Input::Contact {
@@ -151,6 +153,9 @@ impl Blended {
     }
 }
 
+/// What a wheel stands over is set within this share of its radius: there the wheel is so near to the ground
+/// (a fifth of its radius) that the noise of the match would reach into it.
+const CONTACT_SHARE: f64 = 0.6;
 /// Standard deviation of the height where a wheel stands (m).
 const CONTACT_SIGMA_M: f64 = 0.01;
 

@@ -198,3 +198,179 @@ async fn the_pairs_and_what_they_would_see_are_told_before() {
     let share = answer["seen_share"].as_f64().unwrap();
     assert!(share > 0.02 && share < 0.9, "{share}");
 }
+
+/// The captures of a version, by name of the pair.
+fn source_of(version: &Value, name: &str) -> u64 {
+    let pairs = version["pairs"].as_array().unwrap();
+    pairs.iter().find(|pair| pair["name"] == name).unwrap()["source"].as_u64().unwrap()
+}
+
+#[tokio::test]
+async fn a_pair_can_be_taken_out_its_fit_undone_and_a_version_put_in_use_again() {
+    let ground = Ground::start().await;
+    let imported = current(&ground).await;
+    let wish = |camera: &str, seed: u64| json!({ "cameras": [camera], "scale": 0.25, "seed": seed, "keep_prior": false });
+    let first = reconstruct(&ground, &wish("haz1", 3)).await;
+    let alone = first["terrain_version"].clone();
+    let second = reconstruct(&ground, &wish("haz2", 4)).await;
+    let both = second["terrain_version"].clone();
+    assert_ne!(alone, both);
+    let versions = ground.get("/api/v1/terrain/versions").await.json();
+    let told = versions["versions"][0].clone();
+    assert_eq!(told["version"], both);
+    let changes = &told["changes"];
+    assert_eq!((&changes["since"], &changes["step"]), (&alone, &json!("seen")));
+    assert_eq!(changes["new_cells"], second["new_cells"]);
+    assert_eq!(told["pairs"][1]["reconstruction"], second["id"]);
+    let pair = &told["pairs"][1];
+    for field in ["epipolar_px", "fill", "plane_residual_m", "shift_m", "cells"] {
+        assert_eq!(pair[field], second["pairs"][0][field], "{field}");
+    }
+    assert_eq!(told["captured"], second["capture_time"]);
+
+    // The layers of who saw what: every cell of the map has a source, and one of these.
+    let tile = |layer: &'static str| {
+        let path = format!("/api/v1/terrain/{}/tiles/{layer}/0/0/0", both.as_str().unwrap());
+        let ground = &ground;
+        async move { ground.get(&path).await.bytes[64..].to_vec() }
+    };
+    let (heights, sources, sigmas) =
+        (tile("height").await, tile("source").await, tile("sigma").await);
+    let (masks, ages) = (tile("mask").await, tile("age").await);
+    let float =
+        |bytes: &[u8], i: usize| f32::from_le_bytes(bytes[4 * i..4 * i + 4].try_into().unwrap());
+    let names = told["sources"].as_array().unwrap();
+    assert_eq!(heights.len(), 4 * sources.len());
+    let mut counts = vec![0; names.len() + 1];
+    for (i, source) in sources.iter().enumerate() {
+        counts[usize::from(*source)] += 1;
+        let (height, sigma, age) = (float(&heights, i), float(&sigmas, i), float(&ages, i));
+        if height.is_nan() {
+            assert!(masks[i] != 1, "unknown ground is not seen ground");
+            continue;
+        }
+        assert!(matches!(masks[i], 1 | 6), "known without the map from before: {}", masks[i]);
+        assert!(*source >= 2 && sigma > 0.0 && sigma < 0.11, "{source} {sigma}");
+        assert!((0.0..600.0).contains(&age), "{age}");
+    }
+    let count = |name: &str| counts[names.iter().position(|n| n == name).unwrap() + 1];
+    assert!(
+        count("haz1") > 200 && count("haz2") > 200 && count("map from before") == 0,
+        "{counts:?}"
+    );
+
+    // Its fit undone is another map; fitted again it is the same as before, byte for byte.
+    let haz2 = source_of(&told, "haz2");
+    let fit = |version: &Value, source: u64, fitted: bool| {
+        let path = format!("/api/v1/terrain/{}/pairs/{source}/fit", version.as_str().unwrap());
+        let ground = &ground;
+        async move { ground.call("PUT", &path, Some(&json!({ "fitted": fitted }))).await }
+    };
+    if told["pairs"][1]["fit_refused"] == false {
+        let undone = fit(&both, haz2, false).await.json();
+        assert_eq!(undone["changes"]["step"], "fit_undone", "{undone}");
+        assert_ne!(undone["version"], both);
+        assert_eq!(undone["pairs"][1]["fitted"], false);
+        let redone = fit(&undone["version"], haz2, true).await.json();
+        assert_eq!(redone["version"], both, "{redone}");
+    }
+    // A pair that nothing was there to fit to has no fit to undo.
+    let haz1 = source_of(&told, "haz1");
+    assert_eq!(fit(&both, haz1, false).await.code(), "fit_refused");
+
+    // Without the second pair the map is that of the first alone: rebuilt, not patched.
+    let path = |version: &Value, source: u64| {
+        format!("/api/v1/terrain/{}/pairs/{source}", version.as_str().unwrap())
+    };
+    let removed = ground.call("DELETE", &path(&both, haz2), None).await.json();
+    assert_eq!(removed["version"], alone, "{removed}");
+    assert_eq!(removed["changes"]["step"], "removed");
+    assert!(removed["changes"]["gone_cells"].as_u64().unwrap() > 200);
+    assert_eq!(removed["pairs"].as_array().unwrap().len(), 1);
+    let again = ground.call("DELETE", &path(&both, haz1), None).await;
+    assert_eq!((again.status.as_u16(), again.code().as_str()), (409, "not_current"));
+    assert_eq!(ground.call("DELETE", &path(&alone, 99), None).await.code(), "capture_unknown");
+
+    // Put in use again, reconstructions go on from it.
+    let select = |version: &str| {
+        let path = format!("/api/v1/terrain/versions/{version}/select");
+        let ground = &ground;
+        async move { ground.call("POST", &path, None).await }
+    };
+    let back = select(both.as_str().unwrap()).await;
+    assert_eq!(back.status, 200, "{}", back.json());
+    assert_eq!(current(&ground).await, both);
+    let third = reconstruct(&ground, &wish("haz3", 5)).await;
+    let versions = ground.get("/api/v1/terrain/versions").await.json();
+    let names: Vec<_> = versions["versions"][0]["pairs"].as_array().unwrap().iter().collect();
+    assert_eq!(names.len(), 3, "{third}");
+    assert_eq!(select(imported.as_str().unwrap()).await.status, 200);
+    assert_eq!(current(&ground).await, imported);
+    assert_eq!(select("0123456789abcdef").await.code(), "terrain_unknown");
+    assert_eq!(ground.call("DELETE", &path(&imported, 0), None).await.code(), "capture_unknown");
+
+    // The pictures of the last: as many pixels as it says, the disparity with holes.
+    let picture = |name: &str| {
+        let id = third["id"].as_str().unwrap();
+        format!("/api/v1/terrain/reconstructions/{id}/pairs/haz3/{name}")
+    };
+    for name in ["left", "right", "rectified_left", "rectified_right", "disparity"] {
+        let png = ground.get(&picture(&format!("{name}.png"))).await;
+        assert_eq!(png.status, 200, "{name}");
+        let side = |at: usize| u32::from_be_bytes(png.bytes[at..at + 4].try_into().unwrap());
+        assert_eq!((&png.bytes[1..4], side(16), side(20)), (&b"PNG"[..], 256, 192), "{name}");
+        assert_eq!(png.bytes.windows(4).any(|w| w == b"tRNS"), name == "disparity");
+    }
+    for name in ["left", "depth.png", "left.jpg"] {
+        assert_eq!(ground.get(&picture(name)).await.code(), "picture_unknown", "{name}");
+    }
+}
+
+#[tokio::test]
+async fn ground_that_a_leg_hides_is_behind_that_leg() {
+    let ground = Ground::start().await;
+    let wish = json!({ "cameras": ["haz1", "haz2", "haz3"], "resolution_m": 0.1 });
+    let answer = ground.post("rover/cameras/coverage", &wish).await.json();
+    let decode = |field: &str| {
+        let text = answer[field].as_str().unwrap();
+        base64::engine::general_purpose::STANDARD.decode(text).unwrap()
+    };
+    let (mask, hidden) = (decode("mask_base64"), decode("hidden_base64"));
+    let size = [0, 1].map(|i| answer["size"][i].as_u64().unwrap() as usize);
+    assert_eq!(hidden.len(), size[0] * size[1]);
+    let told = answer["hidden"].as_array().unwrap();
+    assert!(told.iter().any(|part| part["by"].as_str().unwrap().starts_with("leg")), "{told:?}");
+
+    // By another method than rays: the middle of the link comes near the line of sight.
+    let robot = ground.app().live.robot().clone();
+    let posture = Posture::new(&robot, &ground.app().live.configuration().unwrap());
+    let scene = RayScene::new(None, Some((&robot, &posture)));
+    let toml = testkit::fixture_text("robots/athlete/robot.toml");
+    let rig = stereo::rig::Rig::from_toml(&toml, &robot).unwrap();
+    let map = map_of(&ground, &current(&ground).await);
+    let origin = [0, 1].map(|i| answer["origin_m"][i].as_f64().unwrap());
+    let mut areas = vec![0.0; told.len()];
+    for (i, by) in hidden.iter().enumerate().filter(|(_, by)| **by > 0) {
+        assert_eq!(mask[2 * i..2 * i + 2], [0, 0], "what a pair sees is not hidden");
+        areas[usize::from(*by) - 1] += 0.01;
+        let name = told[usize::from(*by) - 1]["by"].as_str().unwrap();
+        let p = [i % size[0], i / size[0]];
+        let p = nalgebra::Point2::new(origin[0] + 0.1 * p[0] as f64, origin[1] + 0.1 * p[1] as f64);
+        let foot = nalgebra::Point3::new(p.x, p.y, map.height_at(p).unwrap());
+        let near = |eye: nalgebra::Point3<f64>| {
+            let parts = scene.solids().iter().filter(|solid| match robot.body_of(solid.link) {
+                Some((leg, _)) => robot.leg(leg).name == name,
+                None => robot.links()[solid.link.0].name == name,
+            });
+            parts.clone().any(|solid| {
+                (0..=400)
+                    .any(|k| solid.distance(&(eye + (foot - eye) * (f64::from(k) / 400.0))) < 0.01)
+            })
+        };
+        let eyes = ["haz1", "haz2", "haz3"].map(|name| rig.pair(name).unwrap().cameras(&posture));
+        assert!(eyes.iter().flatten().any(|eye| near(eye.center())), "{name} at {p}");
+    }
+    for (part, area) in told.iter().zip(areas) {
+        assert!((part["area_m2"].as_f64().unwrap() - area).abs() < 1e-6, "{part}");
+    }
+}

@@ -4,9 +4,12 @@ import { useEffect, useState } from "react";
 
 import { api, sentenceOf } from "../../api/client";
 import type { CellAnswer, Vec3 } from "../../api/types";
+import { cameraLabel } from "../../lib/cameras";
 import { capital, degrees, legLabel, metres, signless } from "../../lib/format";
+import { formatAge, parseTime } from "../../lib/time";
 import { canStand, type Help, isOutOfPlan, reachStyle, whatHelps, whyNot } from "../../lib/whyNot";
 import { TRAVERSABILITY } from "../../scene/palette";
+import { useServerNow } from "../../store/now";
 import { usePlanOptions } from "../../store/planOptions";
 import { reachAt, type ReachCell, shownScene, useReach } from "../../store/reach";
 import { useSelection } from "../../store/selection";
@@ -81,10 +84,34 @@ export function CellReadout() {
         />
         <Fact name="certain" value={cell?.certainty == null ? "–" : cell.certainty.toFixed(2)} />
       </dl>
+      {cell?.seen && <SeenBy seen={cell.seen} />}
       <WhyNot point={point} />
       {failure && <p className="quiet small">{failure}</p>}
       <PickLine pick={pick} shown={pick !== null} />
     </section>
+  );
+}
+
+/** Who saw the place, when, and how sure its height is. */
+function SeenBy({ seen }: { seen: NonNullable<CellAnswer["seen"]> }) {
+  const now = useServerNow();
+  const who = seen.prior
+    ? "map from before"
+    : seen.camera
+      ? cameraLabel(seen.camera)
+      : "a wheel stood here";
+  const age_s = (now - parseTime(seen.capture_time)) / 1000;
+  return (
+    <p className="small cell-seen" data-testid="cell-seen">
+      <span className="cell-seen-who">{capital(who)}</span>
+      {!seen.prior && (
+        <span className="num quiet">
+          {" "}
+          {formatAge(age_s)} ago, ±{(100 * seen.sigma_m).toFixed(1)} cm, {seen.observations}×
+        </span>
+      )}
+      {seen.hidden && <span className="trouble"> hidden by the robot now</span>}
+    </p>
   );
 }
 

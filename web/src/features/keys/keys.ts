@@ -10,6 +10,7 @@ export const KEYS: [string[], string][] = [
   [["p"], "Play or hold the preview"],
   [["o"], "Next overlay"],
   [["r"], "Reachability, or not"],
+  [["m"], "Map and cameras"],
   [["v"], "Next view: side, top, leg"],
   [["f"], "Fit the rover"],
   [["g"], "Wheel forces"],

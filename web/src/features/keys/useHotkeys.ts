@@ -85,11 +85,19 @@ const ACTIONS: Record<string, () => void> = {
   h: () => useView.setState((s) => ({ follow: !s.follow })),
   p: togglePlaying,
   o: () => {
-    const order: Overlay[] = ["none", "traversability", "reachability", "energy"];
+    const order: Overlay[] = [
+      "none",
+      "traversability",
+      "reachability",
+      "energy",
+      "map",
+      "coverage",
+    ];
     useView.setState((s) => ({ overlay: order[(order.indexOf(s.overlay) + 1) % order.length]! }));
   },
   r: () =>
     useView.setState((s) => ({ overlay: s.overlay === "reachability" ? "none" : "reachability" })),
+  m: () => useView.setState({ tab: "map", rightOpen: true }),
   v: nextView,
   f: () => aim("iso"),
   g: () => useView.setState((s) => ({ forces: !s.forces })),

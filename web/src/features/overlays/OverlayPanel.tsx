@@ -1,7 +1,7 @@
 // What is laid over the ground, with its legend.
 
 import { legLabel } from "../../lib/format";
-import { type ClassStyle, PLANNED, REACHABILITY, TRAVERSABILITY } from "../../scene/palette";
+import { PLANNED, REACHABILITY, TRAVERSABILITY } from "../../scene/palette";
 import { useConsole } from "../../store/console";
 import { cancelPlannable, plannedCount, planToCells, usePlannable } from "../../store/plannable";
 import { usePlanOptions } from "../../store/planOptions";
@@ -11,8 +11,9 @@ import { useTerrain } from "../../store/terrain";
 import { type Overlay, useView } from "../../store/view";
 import { JobRow } from "../../ui/JobRow";
 import { Segments } from "../../ui/Segments";
-import { Swatch } from "../../ui/Swatch";
 import { EnergyLegend } from "./EnergyLegend";
+import { Legend } from "./Legend";
+import { CoverageLegend, MapLegend } from "./MapLegend";
 import { useReachIsOld } from "./useReachability";
 import "./overlays.css";
 
@@ -21,6 +22,8 @@ const OVERLAYS: [Overlay, string][] = [
   ["traversability", "Traversability"],
   ["reachability", "Reachability"],
   ["energy", "Energy"],
+  ["map", "Map layer"],
+  ["coverage", "Coverage"],
 ];
 
 export function OverlayPanel() {
@@ -39,6 +42,8 @@ export function OverlayPanel() {
       {overlay === "traversability" && <TraversabilityLegend />}
       {overlay === "reachability" && <ReachLegend />}
       {overlay === "energy" && <EnergyLegend />}
+      {overlay === "map" && <MapLegend />}
+      {overlay === "coverage" && <CoverageLegend />}
     </section>
   );
 }
@@ -121,24 +126,5 @@ function PlannedCells({ leg, count }: { leg: string; count: ReturnType<typeof pl
       )}
       {failure && <p className="small trouble">{failure}</p>}
     </>
-  );
-}
-
-function Legend(props: { styles: ClassStyle[]; counts?: Record<number, number> }) {
-  const { styles, counts = {} } = props;
-  return (
-    <ul className="legend">
-      {styles.map((style) => (
-        <li key={style.value} className="row">
-          <Swatch style={style} />
-          {style.name}
-          {counts[style.value] !== undefined && (
-            <span className="num quiet" data-testid={`legend-count-${style.value}`} title="Cells">
-              {counts[style.value]}
-            </span>
-          )}
-        </li>
-      ))}
-    </ul>
   );
 }
