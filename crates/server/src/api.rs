@@ -63,6 +63,7 @@ const BODY_PAUSE: Duration = Duration::from_secs(20);
         wire::live::EventNotice,
         wire::live::ReachSummary,
         wire::live::LogGap,
+        wire::live::PlanRecord,
         wire::live::GapReason,
     ))
 )]

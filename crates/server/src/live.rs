@@ -106,6 +106,16 @@ impl Live {
         }
     }
 
+    /// What the robot is loaded with.
+    pub fn payloads(&self) -> &[Payload] {
+        &self.payloads
+    }
+
+    /// Gravity (m/s²).
+    pub fn gravity(&self) -> f64 {
+        self.gravity
+    }
+
     /// `GET /rover`.
     pub fn answer(&self, terrain_version: String) -> RoverAnswer {
         let (ground, now) = self.locked();

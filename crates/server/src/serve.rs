@@ -21,7 +21,7 @@ use tokio::sync::{Semaphore, watch};
 use utoipa::PartialSchema;
 use wire::check::{At, RequestError};
 use wire::live::{
-    CommandEvent, EventLevel, EventNotice, JobReport, LinkReport, LogGap, ReachSummary,
+    CommandEvent, EventLevel, EventNotice, JobReport, LinkReport, LogGap, PlanRecord, ReachSummary,
     RoverTelemetry, StabilityDerived, TerrainNotice, Uplink, channel,
 };
 use wire::scene::Scene as WireScene;
@@ -359,6 +359,7 @@ pub fn schemas() -> Vec<ChannelSchema> {
         of!(channel::LINK, LinkReport),
         of!(channel::TERRAIN, TerrainNotice),
         of!(channel::EVENT, EventNotice),
+        of!(channel::PLAN, PlanRecord),
         of!(channel::LOG_GAP, LogGap),
     ]
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use crate::analysis::StabilityPreference;
+use crate::analysis::{PlanAnswer, PlanRequest, StabilityPreference};
 use crate::scene::{Pose, RoverState};
 use crate::time::Timestamp;
 
@@ -35,10 +35,12 @@ pub mod channel {
     pub const EVENT: &str = "event";
     /// [`super::ReachSummary`]: how far the live reachability of all legs is, on each change.
     pub const ROVER_REACH: &str = "rover/reachability";
+    /// [`super::PlanRecord`]: every plan of the live rover, as asked for and answered.
+    pub const PLAN: &str = "plan/record";
     /// [`super::LogGap`]: messages that the flight log lacks (in logs only).
     pub const LOG_GAP: &str = "log/gap";
     /// All channels, in a fixed order.
-    pub const ALL: [&str; 10] = [
+    pub const ALL: [&str; 11] = [
         ROVER_STATE,
         ROVER_STABILITY,
         COMMAND_UPLINK,
@@ -48,8 +50,19 @@ pub mod channel {
         JOB,
         EVENT,
         ROVER_REACH,
+        PLAN,
         LOG_GAP,
     ];
+}
+
+/// A plan of the live rover. The request is complete: asked for again on the same version of the
+/// map (`basis.terrain_version`) it gives the same answer, but for its id and the times it took.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct PlanRecord {
+    /// What was asked, with the state, robot, payloads and gravity it was asked for.
+    pub request: PlanRequest,
+    /// What was answered.
+    pub answer: PlanAnswer,
 }
 
 /// Messages of one channel that the flight log lacks.

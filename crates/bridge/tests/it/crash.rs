@@ -4,6 +4,7 @@
 //! scenario and a sample of the long one.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use bridge::doctor;
 use bridge::reader::{Limits, read_log};
@@ -113,24 +114,36 @@ fn check(fs: &SimFs, told: &Told, case: &str) {
     assert_eq!(fs.all_files(), files, "{case}: a second recovery has changed something");
 }
 
+fn crash_at(call: u64, calls: u64, commands: u32) {
+    let fs = SimFs::default();
+    fs.fail_at(call, Fault::Crash);
+    let told = scenario(&fs, commands);
+    assert!(fs.crashed(), "call {call} of {calls} did not come");
+    for survives in [Survives::Least, Survives::Most, Survives::Torn(call)] {
+        check(&fs.after_crash(survives), &told, &format!("call {call}, {survives:?}"));
+    }
+}
+
 fn crash_at_each_call(commands: u32, step: usize) -> usize {
     let sound = SimFs::default();
     let told = scenario(&sound, commands);
     assert!(!told.failed && told.acknowledged.len() == (commands * EVENTS) as usize);
     check(&sound, &told, "no crash");
-    let (calls, mut points) = (sound.calls(), 0);
+    let calls = sound.calls();
     eprintln!("{commands} commands: {calls} calls");
-    for call in (1..=calls).step_by(step) {
-        let fs = SimFs::default();
-        fs.fail_at(call, Fault::Crash);
-        let told = scenario(&fs, commands);
-        assert!(fs.crashed(), "call {call} of {calls} did not come");
-        for survives in [Survives::Least, Survives::Most, Survives::Torn(call)] {
-            check(&fs.after_crash(survives), &told, &format!("call {call}, {survives:?}"));
+    let points: Vec<_> = (1..=calls).step_by(step).collect();
+    // Each scenario hands over between two threads all the time; two of them at once fill a machine.
+    let next = AtomicUsize::new(0);
+    std::thread::scope(|scope| {
+        for _ in 0..2 {
+            scope.spawn(|| {
+                while let Some(&call) = points.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    crash_at(call, calls, commands);
+                }
+            });
         }
-        points += 1;
-    }
-    points
+    });
+    points.len()
 }
 
 fn full() -> bool {

@@ -4,10 +4,13 @@
 
 mod authority;
 mod basis;
+mod bounds;
 mod bus;
+mod catalog;
 mod chain;
 mod clock;
 mod commands;
+mod conformance;
 mod crash;
 mod damage;
 mod disk_full;
@@ -16,6 +19,7 @@ mod ground;
 mod histories;
 mod hostile;
 mod kill;
+mod large_log;
 mod link;
 mod recorder;
 mod replay;
@@ -23,3 +27,4 @@ mod sim_adapter;
 mod sim_fs;
 mod stock_reader;
 mod support;
+mod variants;
