@@ -24,7 +24,13 @@ fn messages() -> Vec<Record> {
         json.push_str("\"}");
         let time = Timestamp(1_000_000 * i);
         let json = Bytes::from(json);
-        Record { channel: channel.clone(), sequence: i, log_time: time, publish_time: time, data: json }
+        Record {
+            channel: channel.clone(),
+            sequence: i,
+            log_time: time,
+            publish_time: time,
+            data: json,
+        }
     };
     (0..MESSAGES).map(record).collect()
 }

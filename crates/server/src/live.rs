@@ -111,11 +111,6 @@ impl Live {
         &self.payloads
     }
 
-    /// Gravity (m/s²).
-    pub fn gravity(&self) -> f64 {
-        self.gravity
-    }
-
     /// `GET /rover`.
     pub fn answer(&self, terrain_version: String) -> RoverAnswer {
         let (ground, now) = self.locked();

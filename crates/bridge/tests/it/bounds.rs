@@ -2,6 +2,7 @@
 //! memory and 2 s of the processor (X2).
 
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -95,7 +96,7 @@ fn zeros(mebibytes: usize) -> Vec<u8> {
     let mut encoder = zstd::stream::write::Encoder::new(Vec::new(), 1).unwrap();
     let block = vec![0; 1 << 20];
     for _ in 0..mebibytes {
-        std::io::Write::write_all(&mut encoder, &block).unwrap();
+        encoder.write_all(&block).unwrap();
     }
     encoder.finish().unwrap()
 }
@@ -242,7 +243,8 @@ fn victim() {
     let cpu = fs::read_to_string("/proc/self/schedstat").unwrap();
     let main = cpu.split(' ').next().unwrap();
     let own = fs::read_to_string("/proc/thread-self/schedstat").unwrap();
-    println!("used {} {main} {}", peak.trim_end_matches(" kB"), own.split(' ').next().unwrap());
+    let (peak, own) = (peak.trim_end_matches(" kB"), own.split(' ').next().unwrap());
+    writeln!(std::io::stdout(), "used {peak} {main} {own}").unwrap();
 }
 
 fn used(path: &Path, what: &str) -> (u64, u64) {
@@ -254,7 +256,8 @@ fn used(path: &Path, what: &str) -> (u64, u64) {
         .unwrap();
     let text = String::from_utf8_lossy(&output.stdout);
     let line = text.lines().find_map(|line| Some(line.split_once("used ")?.1));
-    let line = line.unwrap_or_else(|| panic!("{what}: {}", String::from_utf8_lossy(&output.stderr)));
+    let line =
+        line.unwrap_or_else(|| panic!("{what}: {}", String::from_utf8_lossy(&output.stderr)));
     let numbers: Vec<u64> = line.split(' ').map(|n| n.parse().unwrap()).collect();
     (numbers[0], (numbers[1] + numbers[2]) / 1_000_000)
 }

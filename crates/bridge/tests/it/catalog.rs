@@ -146,8 +146,7 @@ fn commands_are_found_without_reading_the_telemetry() {
     let mut recorder = Recorder::start(dir.path(), options).unwrap();
     let mut rng = ChaCha8Rng::seed_from_u64(72);
     for number in 0..1500 {
-        let noise: String =
-            (0..8000).map(|_| char::from(rng.random_range(b'a'..=b'z'))).collect();
+        let noise: String = (0..8000).map(|_| char::from(rng.random_range(b'a'..=b'z'))).collect();
         let at = after(number as f64 * 0.1);
         recorder.record(record("rover/state", number, at, format!("{{\"noise\":\"{noise}\"}}")));
         if number % 500 == 250 {

@@ -11,6 +11,7 @@ use bridge::seal::OWN;
 use mcap::records::op;
 use serde_json::{Value, json};
 use testkit::note_skipped;
+use wire::time::Timestamp;
 
 use crate::support::TempDir;
 use crate::variants::{CONTENTS, Content, Features, data, log_time, variants, write};
@@ -54,6 +55,11 @@ fn ours(bytes: &[u8], case: &str) -> Value {
     json!({ "messages": messages, "attachments": attachments, "metadata": metadata })
 }
 
+fn content_of(name: &str) -> &'static Content {
+    let of = name.split(['-', '.']).next().unwrap();
+    CONTENTS.iter().find(|content| content.name == of).unwrap()
+}
+
 /// All files, in a folder: what each is to say, by its name.
 fn all_files(dir: &Path) -> BTreeMap<String, (Value, Features)> {
     let mut files = BTreeMap::new();
@@ -73,7 +79,7 @@ fn every_variant_of_the_format_is_read_as_it_was_written() {
     let files = all_files(dir.path());
     let padded = files.values().filter(|(_, features)| features.padding).count();
     assert_eq!((files.len() - padded, padded), (208, 208));
-    for (name, (expected, features)) in &files {
+    for (name, (expected, f)) in &files {
         let path = dir.path().join(name);
         let bytes = std::fs::read(&path).unwrap();
         assert_eq!(ours(&bytes, name), *expected, "{name}");
@@ -82,9 +88,23 @@ fn every_variant_of_the_format_is_read_as_it_was_written() {
         for piece in 0..indexed.pieces().len() {
             messages.extend(indexed.read(piece).unwrap().iter().map(line));
         }
-        assert_eq!((json!(messages), indexed.damage()), (expected["messages"].clone(), &[][..]), "{name}");
+        assert_eq!(
+            (json!(messages), indexed.damage()),
+            (expected["messages"].clone(), &[][..]),
+            "{name}"
+        );
+        // The list has them, too, where a chunk has an index.
+        if !f.chunks || f.message_index || f.statistics {
+            let info =
+                bridge::catalog::log_info(dir.path(), name.trim_end_matches(".mcap")).unwrap();
+            let times = (content_of(name).messages > 0).then(|| Timestamp(log_time(0)));
+            assert_eq!(
+                (info.messages, info.start),
+                (content_of(name).messages.into(), times),
+                "{name}"
+            );
+        }
         // What has everything has no finding; the others lack what a sealed file of ours has.
-        let f = features;
         let whole = f.statistics
             && (!f.chunks || (f.message_index && f.chunk_index))
             && (!name.starts_with("OneAttachment") || f.attachment_index)

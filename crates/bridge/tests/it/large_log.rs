@@ -129,7 +129,11 @@ fn a_place_in_a_day_of_log_is_found_at_once() {
     eprintln!(
         "log of {:.2} GB, {} messages in {segments} segments, nothing of it in the page cache: listed in \
          {listed:.0?}, opened in {opened:.0?}, seek p50 {:.1?}, p95 {:.1?}, most {:.1?}; memory at most {peak} MB",
-        info.size as f64 / 1e9, info.messages, times[100], times[190], times[199]
+        info.size as f64 / 1e9,
+        info.messages,
+        times[100],
+        times[190],
+        times[199]
     );
     if full {
         assert!(info.size > 10_000_000_000, "{}", info.size);

@@ -31,12 +31,24 @@ pub struct Content {
     pub metadata: bool,
 }
 
-pub const CONTENTS: [Content; 6] = [
+pub static CONTENTS: [Content; 6] = [
     Content { name: "NoData", schema: false, messages: 0, attachment: false, metadata: false },
-    Content { name: "OneAttachment", schema: false, messages: 0, attachment: true, metadata: false },
+    Content {
+        name: "OneAttachment",
+        schema: false,
+        messages: 0,
+        attachment: true,
+        metadata: false,
+    },
     Content { name: "OneMetadata", schema: false, messages: 0, attachment: false, metadata: true },
     Content { name: "OneMessage", schema: true, messages: 1, attachment: false, metadata: false },
-    Content { name: "OneSchemalessMessage", schema: false, messages: 1, attachment: false, metadata: false },
+    Content {
+        name: "OneSchemalessMessage",
+        schema: false,
+        messages: 1,
+        attachment: false,
+        metadata: false,
+    },
     Content { name: "TenMessages", schema: true, messages: 10, attachment: false, metadata: false },
 ];
 

@@ -171,8 +171,13 @@ fn logs_are_verified_recovered_and_clipped() {
         let time = start.plus_seconds(sequence as f64);
         let channel = if sequence % 2 == 0 { "rover/state" } else { "event" };
         let json = format!("{{\"n\":{sequence}}}").into();
-        let record =
-            Record { channel: channel.into(), sequence, log_time: time, publish_time: time, data: json };
+        let record = Record {
+            channel: channel.into(),
+            sequence,
+            log_time: time,
+            publish_time: time,
+            data: json,
+        };
         recorder.record_durable(record).unwrap().wait_blocking().unwrap();
     }
     let open =

@@ -68,7 +68,9 @@ async fn a_console_that_takes_nothing_is_told_what_it_missed_and_the_others_miss
         let (mut socket, _) = connect_async(&url).await.unwrap();
         say(&mut socket, json!({ "op": "subscribe" })).await;
         // Its latest messages come: it is a listener now.
-        while !matches!(socket.next().await, Some(Ok(Message::Text(t))) if t.contains("rover/state")) {}
+        while !matches!(socket.next().await, Some(Ok(Message::Text(t))) if t.contains("rover/state"))
+        {
+        }
         let at = Arc::new(AtomicU64::new(0));
         if number < 4 {
             progress.push(at.clone());

@@ -2,20 +2,24 @@
 //! the worst case, for nothing of one frame stands in the next.
 
 use std::path::Path;
+use std::process::Command;
 use std::sync::Arc;
 
 use bridge::adapter::RoverAdapter;
 use bridge::catalog;
 use bridge::reader::Limits;
 use bridge::recorder::{Record, Recorder, RecorderOptions};
+use bridge::replay::Replay;
 use bridge::sim_adapter::SimAdapter;
 use bridge::views::{self, VIEWS_HZ, Views};
 use nalgebra::{Isometry3, Point2, Vector3};
 use prost::Message as _;
 use rover::{Configuration, LegAngles, LegId, Posture, Robot};
 use server::analyses::{Site, derive};
+use testkit::note_skipped;
 use wire::check::At;
 use wire::convert;
+use wire::foxglove::DESCRIPTORS;
 use wire::foxglove::schema::{FrameTransforms, JointStates, SceneUpdate};
 use wire::live::{BodyKnot, CommandBody, Downlink, RoverTelemetry, Uplink, channel};
 use wire::time::Timestamp;
@@ -138,7 +142,10 @@ fn what_viewers_draw_costs_the_log_a_fifth() {
     eprintln!(
         "{} frames of {seconds:.0} s; an hour of log: {:.1} MB, with views at {VIEWS_HZ} Hz {:.1} MB, \
          of every frame {:.1} MB",
-        frames.len(), none / 1e6, used / 1e6, all / 1e6
+        frames.len(),
+        none / 1e6,
+        used / 1e6,
+        all / 1e6
     );
     assert!(used > none * 1.01 && used < none * 1.25, "{used} against {none}");
     assert!(all > none * 2.0, "at full rate they would cost much more: {all} against {none}");
@@ -151,6 +158,16 @@ fn the_views_in_a_log_are_those_of_its_frames() {
     let dir = TempDir::new();
     let id = log(dir.path(), &robot, &frames, Some(VIEWS_HZ));
     let messages = catalog::read_log(dir.path(), &id, Limits::default()).unwrap().messages;
+    // The file is sound, and says by itself what its messages are.
+    let file = catalog::log_path(dir.path(), &id).unwrap();
+    let bytes = std::fs::read(&file).unwrap();
+    assert_eq!(bridge::doctor::examine(&*bytes, bridge::seal::OWN).unwrap().findings, []);
+    let summary = mcap::Summary::read(&bytes).unwrap().unwrap();
+    for channel in summary.channels.values().filter(|c| c.message_encoding == "protobuf") {
+        let schema = channel.schema.as_ref().unwrap();
+        assert_eq!((&*schema.encoding, &*schema.data), ("protobuf", DESCRIPTORS));
+        assert!(schema.name.starts_with("foxglove."), "{}", schema.name);
+    }
     let of = |topic: &str| -> Vec<_> {
         messages.iter().filter(|m| *m.channel == *topic).cloned().collect()
     };
@@ -183,4 +200,23 @@ fn the_views_in_a_log_are_those_of_its_frames() {
             assert!(!drawn.entities[0].arrows.is_empty() || !drawn.entities[0].lines.is_empty());
         }
     }
+    // A replay draws them anew and leaves these out.
+    let content = catalog::open_log(dir.path(), &id, Limits::default()).unwrap();
+    let mut replay = Replay::open(START, "r", &id, content, None, 1.0).unwrap();
+    let played = replay.advance(START.plus_seconds(1e4)).unwrap();
+    assert_eq!(played.len(), 2 * frames.len());
+    assert!(played.iter().all(|message| !views::is_view(&message.channel)));
+    let end = replay.seek(START, START.plus_seconds(1e4)).unwrap();
+    assert_eq!(end.len(), 2, "the state at the end is a frame and what follows from it");
+
+    let test = "server::the_views_in_a_log_are_those_of_its_frames";
+    let web = testkit::project_dir().join("web");
+    if !web.join("node_modules/@mcap/core").is_dir() {
+        return note_skipped(test, "web/node_modules has no @mcap/core");
+    }
+    let mut node = Command::new("node");
+    let output = node.arg(web.join("conformance/mcap.mjs")).arg(file).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let counts = String::from_utf8(output.stdout).unwrap();
+    assert!(counts.contains(&format!("/tf {}\n", transforms.len())), "{counts}");
 }

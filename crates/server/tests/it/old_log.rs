@@ -41,22 +41,40 @@ fn first_version() -> Vec<(&'static str, Value)> {
     });
     let counters = json!({ "sent": 3, "delivered": 2, "dropped": 0, "in_flight": 1 });
     vec![
-        ("rover/state", json!({
-            "state": state, "contacts": legs(json!(true)), "contact_points_m": legs(json!([1.0, 0.0, 0.0])),
-            "wheel_forces_n": legs(json!([0.0, 0.0, 230.0])), "joint_torques_nm": legs(json!([0.0; 6])), "mode": "idle",
-        })),
-        ("rover/stability", json!({
-            "com_m": [0.1, 0.0, 1.9], "regular": polygon, "conservative": null, "conservative_kind": "empty",
-            "settlement_margin_m": null, "settlement_leg": null, "torque_ratio": 0.4, "torque_joint": "leg1_hip_pitch",
-            "torque_ratios": legs(json!([0.0; 6])),
-        })),
-        ("terrain/version", json!({ "version": "a1b2", "source": "synthetic", "synthetic_detail": true })),
+        (
+            "rover/state",
+            json!({
+                "state": state, "contacts": legs(json!(true)), "contact_points_m": legs(json!([1.0, 0.0, 0.0])),
+                "wheel_forces_n": legs(json!([0.0, 0.0, 230.0])), "joint_torques_nm": legs(json!([0.0, 0.0, 0.0, 0.0, 0.0, 0.0])), "mode": "idle",
+            }),
+        ),
+        (
+            "rover/stability",
+            json!({
+                "com_m": [0.1, 0.0, 1.9], "regular": polygon, "conservative": null, "conservative_kind": "empty",
+                "settlement_margin_m": null, "settlement_leg": null, "torque_ratio": 0.4, "torque_joint": "leg1_hip_pitch",
+                "torque_ratios": legs(json!([0.0, 0.0, 0.0, 0.0, 0.0, 0.0])),
+            }),
+        ),
+        (
+            "terrain/version",
+            json!({ "version": "a1b2", "source": "synthetic", "synthetic_detail": true }),
+        ),
         ("event", json!({ "level": "info", "text": "session begins", "who": "server" })),
-        ("command/event", json!({ "command": command, "time": "2026-09-21T14:13:21Z", "state": "sent", "who": "ada" })),
-        ("command/uplink", json!({ "type": "estop", "id": "01890a5d-ac96-774b-bcce-000000000002" })),
-        ("link/report", json!({
-            "config": { "up_delay_s": 1.3, "down_delay_s": 1.3 }, "up": counters, "down": counters, "estop": "clear",
-        })),
+        (
+            "command/event",
+            json!({ "command": command, "time": "2026-09-21T14:13:21Z", "state": "sent", "who": "ada" }),
+        ),
+        (
+            "command/uplink",
+            json!({ "type": "estop", "id": "01890a5d-ac96-774b-bcce-000000000002" }),
+        ),
+        (
+            "link/report",
+            json!({
+                "config": { "up_delay_s": 1.3, "down_delay_s": 1.3 }, "up": counters, "down": counters, "estop": "clear",
+            }),
+        ),
     ]
 }
 

@@ -19,7 +19,8 @@ fn lasting(mut answer: Value) -> Value {
 async fn a_logged_plan_request_gives_the_same_plan_bit_for_bit() {
     let ground = Ground::start().await;
     for (planner, seed) in [("auto", 1), ("sbl", 5), ("rrt_connect", 9)] {
-        let plan = ground.plan_with("leg2", [0.1, 0.1], json!({ "planner": planner, "seed": seed }));
+        let plan =
+            ground.plan_with("leg2", [0.1, 0.1], json!({ "planner": planner, "seed": seed }));
         assert_eq!(plan.await["outcome"], "found", "{planner}");
     }
     let logs = ground.dir.path().join("logs");
