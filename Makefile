@@ -72,7 +72,7 @@ soak: tools $(VENV)/mcap-$(MCAP_PYTHON) ## Run 10^5 generated requests, and the 
 	FOOTFALL_FULL=1 cargo test --release --locked -p motion --test it -- final_check body_shift
 	FOOTFALL_FULL=1 cargo test --release --locked -p terrain --test it -- damaged
 	FOOTFALL_FULL=1 FOOTFALL_PYTHON=$(CURDIR)/$(VENV)/bin/python cargo test --release --locked -p bridge --test it -- \
-		--nocapture chain crash damage disk_full kill replay stock_reader
+		--nocapture bounds catalog chain conformance crash damage disk_full kill large_log replay stock_reader
 
 format: tools web/node_modules/.package-lock.json ## Format all sources
 	cargo fmt --all

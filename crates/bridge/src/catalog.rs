@@ -277,6 +277,13 @@ fn walk_extent(file: &mut BufReader<File>, size: u64) -> io::Result<Extent> {
             }
         } else if opcode == op::MESSAGE_INDEX {
             extent.messages += length.saturating_sub(6) / 16;
+        } else if opcode == op::MESSAGE && length >= 22 {
+            // Outside of chunks, as files of others may have them; behind channel and number, the time.
+            let mut head = [0; 14];
+            file.read_exact(&mut head)?;
+            extent.start = extent.start.min(u64_at(&head, 6));
+            extent.end = extent.end.max(u64_at(&head, 6));
+            extent.messages += 1;
         }
         Ok(())
     })?;

@@ -233,9 +233,16 @@ impl Patient {
             op::MESSAGE_INDEX => self.message_index(body, at),
             op::ATTACHMENT => {
                 self.attachments.push((at, length));
-                let crc = body.len().checked_sub(4).map(|n| (crc32fast::hash(&body[..n]), n));
-                let said = crc.and_then(|(_, n)| Fields(&body[n..]).u32()).unwrap_or_default();
-                if crc.is_none_or(|(crc, _)| said != 0 && said != crc) {
+                let mut fields = Fields(body);
+                let content = (|| {
+                    fields.bytes(16)?;
+                    fields.text()?;
+                    fields.text()?;
+                    fields.long_block()?;
+                    Some(&body[..body.len() - fields.0.len()])
+                })();
+                let said = fields.u32().unwrap_or_default();
+                if content.is_none_or(|content| said != 0 && said != crc32fast::hash(content)) {
                     self.error(at, "the checksum of an attachment does not agree");
                 }
             }

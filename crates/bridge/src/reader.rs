@@ -290,7 +290,7 @@ fn scan_places(
             continue;
         }
         let data = &window.rest()[9..9 + size];
-        if opcode == op::DATA_END && size == 4 {
+        if opcode == op::DATA_END && size >= 4 {
             let said = Fields(data).u32().unwrap_or_default();
             if said != 0 && said != window.crc() {
                 items.damage.push(Damage::BadFileCrc);
@@ -299,12 +299,19 @@ fn scan_places(
             items.damage.extend(summary_damage(&mut window, limits)?);
             return Ok(done(items));
         }
-        let trusted = items.take(opcode, data, at);
+        let mut trusted = items.take(opcode, data, at);
         let mut out = std::mem::take(&mut items.out);
         let went_on = take(at..at + 9 + size as u64, opcode, &mut out.drain(..));
         items.out = out;
         if !went_on {
             return Ok(done(items));
+        }
+        let surplus = std::mem::take(&mut items.surplus);
+        if surplus > 0 && !window.is_padding(9 + size, surplus, limits.record_bytes)? {
+            // A length that grew by damage swallows what stands behind the record.
+            let reason = "it is longer than its fields, and what follows does not agree".into();
+            items.damage.push(Damage::BadRecord { at, reason });
+            trusted = false;
         }
         if trusted {
             window.pass(9 + size);

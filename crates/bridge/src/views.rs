@@ -1,10 +1,10 @@
 //! What viewers of others draw, in the log itself: poses of all links, joints, forces and stance as
 //! Foxglove messages in protobuf, so that a sealed file shows the rover without our server.
 //!
-//! They follow from `rover/state` and `rover/stability`, which stand in the log in full; at the rate of
-//! these they would more than double it. So the log has them at [`VIEWS_HZ`], and a clip or a download
-//! can be made with those of every frame ([`crate::clip`]). A replay draws them anew and leaves these
-//! out.
+//! They follow from `rover/state` and `rover/stability`, which stand in the log in full. Of every frame
+//! they would be more than the log without them: an hour of a rover that moves all the time has 85 MB
+//! without, 210 MB with (server `log_views` counts). So the log has them at [`VIEWS_HZ`], which
+//! costs a fifth at most. A replay leaves them out: whoever watches one gets them drawn anew, of every frame.
 
 use std::sync::Arc;
 

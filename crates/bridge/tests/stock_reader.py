@@ -16,7 +16,8 @@ def count(path):
     with open(path, "rb") as file:
         counts = collections.Counter()
         for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages():
-            json.loads(message.data)
+            if channel.message_encoding == "json":
+                json.loads(message.data)
             counts[channel.topic] += 1
     return counts
 

@@ -69,6 +69,7 @@ const BODY_PAUSE: Duration = Duration::from_secs(20);
         wire::live::Downlink,
         wire::live::ImageReceived,
         wire::reconstruction::MapRecord,
+        wire::live::PlanRecord,
         wire::live::GapReason,
     ))
 )]

@@ -115,6 +115,11 @@ impl Live {
         }
     }
 
+    /// What the robot is loaded with.
+    pub fn payloads(&self) -> &[Payload] {
+        &self.payloads
+    }
+
     /// `GET /rover`.
     pub fn answer(&self, terrain_version: String) -> RoverAnswer {
         let (ground, now) = self.locked();

@@ -26,7 +26,7 @@ use utoipa::PartialSchema;
 use wire::check::{At, RequestError};
 use wire::live::{
     CommandEvent, EventLevel, EventNotice, ImageReceived, JobReport, LinkReport, LogGap,
-    ReachSummary, RoverTelemetry, StabilityDerived, TerrainNotice, Uplink, channel,
+    PlanRecord, ReachSummary, RoverTelemetry, StabilityDerived, TerrainNotice, Uplink, channel,
 };
 use wire::reconstruction::MapRecord;
 use wire::scene::Scene as WireScene;
@@ -404,6 +404,7 @@ pub fn schemas() -> Vec<ChannelSchema> {
         of!(channel::EVENT, EventNotice),
         of!(channel::IMAGE, ImageReceived),
         of!(channel::MAP, MapRecord),
+        of!(channel::PLAN, PlanRecord),
         of!(channel::LOG_GAP, LogGap),
     ]
 }

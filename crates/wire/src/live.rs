@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use crate::analysis::StabilityPreference;
+use crate::analysis::{PlanAnswer, PlanRequest, StabilityPreference};
 use crate::reconstruction::PairProgress;
 use crate::scene::{Pose, RoverState};
 use crate::time::Timestamp;
@@ -44,10 +44,12 @@ pub mod channel {
     pub const IMAGE: &str = "image/received";
     /// [`crate::reconstruction::MapRecord`]: what a version of the map was made of.
     pub const MAP: &str = "terrain/map";
+    /// [`super::PlanRecord`]: every plan of the live rover, as asked for and answered.
+    pub const PLAN: &str = "plan/record";
     /// [`super::LogGap`]: messages that the flight log lacks (in logs only).
     pub const LOG_GAP: &str = "log/gap";
     /// All channels, in a fixed order.
-    pub const ALL: [&str; 12] = [
+    pub const ALL: [&str; 13] = [
         ROVER_STATE,
         ROVER_STABILITY,
         COMMAND_UPLINK,
@@ -59,8 +61,19 @@ pub mod channel {
         ROVER_REACH,
         IMAGE,
         MAP,
+        PLAN,
         LOG_GAP,
     ];
+}
+
+/// A plan of the live rover. The request is complete: asked for again on the same version of the
+/// map (`basis.terrain_version`) it gives the same answer, but for its id and the times it took.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct PlanRecord {
+    /// What was asked, with the state, robot, payloads and gravity it was asked for.
+    pub request: PlanRequest,
+    /// What was answered.
+    pub answer: PlanAnswer,
 }
 
 /// Messages of one channel that the flight log lacks.

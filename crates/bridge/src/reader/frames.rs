@@ -8,6 +8,8 @@ use super::fields::{ChunkHeader, Fields};
 
 /// Read at a time (bytes).
 const STEP: usize = 256 * 1024;
+/// Most bytes that a writer adds to a record: more are taken for damage.
+const PADDING_BYTES: usize = 4096;
 /// The fields of a chunk before its content, without the name of the compression.
 const CHUNK_FIELDS: usize = 8 + 8 + 8 + 4 + 4 + 8;
 
@@ -82,6 +84,19 @@ impl<R: Read> Window<R> {
     pub fn frame(&self) -> Option<(u8, u64)> {
         let mut fields = Fields(self.rest());
         Some((fields.u8()?, fields.u64()?))
+    }
+
+    /// Are the last `surplus` bytes of a record that is `size` bytes long, frame and all, added to it, as
+    /// writers of later versions of the format may? They are not if its length grew by damage: then they
+    /// begin with the frame of the record that really follows, or no frame stands behind them.
+    pub fn is_padding(&mut self, size: usize, surplus: usize, limit: usize) -> io::Result<bool> {
+        self.fill(size + 9)?;
+        let begins = |at: usize| {
+            let mut fields = Fields(self.rest().get(at..).unwrap_or_default());
+            let (opcode, length) = (fields.u8().unwrap_or(0), fields.u64().unwrap_or(u64::MAX));
+            (op::HEADER..=op::DATA_END).contains(&opcode) && length <= limit as u64
+        };
+        Ok(surplus <= PADDING_BYTES && begins(size) && !begins(size - surplus))
     }
 
     /// Goes on, from the byte after the present one, to a place where a whole, sound chunk stands.

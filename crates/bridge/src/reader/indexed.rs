@@ -245,13 +245,13 @@ impl IndexedLog {
             return Ok(false);
         }
         let mut known = Items::new(self.limits);
-        let (mut chunks, mut commands, mut counted) = (Vec::new(), None, 0_u64);
+        let (mut chunks, mut commands, mut counted) = (Vec::new(), None, None);
         let walked = super::chunk::records(&summary, |opcode, body, _| {
             match opcode {
                 op::SCHEMA | op::CHANNEL => drop(known.take(opcode, body, begin)),
                 op::CHUNK_INDEX => chunks.extend(ChunkIndex::read(body)),
                 op::ATTACHMENT_INDEX => commands = command_place(body).or(commands.take()),
-                op::STATISTICS => counted = Fields(body).u64().unwrap_or_default(),
+                op::STATISTICS => counted = Fields(body).u64(),
                 _ => {}
             }
             Ok(())
@@ -269,7 +269,7 @@ impl IndexedLog {
         };
         // Messages without a place in the index would be passed over.
         let silent = chunks.iter().any(|chunk| !listed(chunk) && chunk.end > 0);
-        if walked.is_err() || silent || (chunks.is_empty() && counted > 0) {
+        if walked.is_err() || silent || (chunks.is_empty() && counted != Some(0)) {
             return Ok(false);
         }
         let number = self.files.len();

@@ -74,17 +74,20 @@ pub struct Items {
     chunked: bool,
     pub out: Vec<Item>,
     pub damage: Vec<Damage>,
+    /// Bytes behind the fields of the record taken last, for whoever sees what follows to judge.
+    pub surplus: usize,
 }
 
 impl Items {
     pub fn new(limits: Limits) -> Items {
         let (schemas, channels) = (HashMap::new(), HashMap::new());
         let (out, damage) = (Vec::new(), Vec::new());
-        Items { limits, schemas, channels, chunked: false, out, damage }
+        Items { limits, schemas, channels, chunked: false, out, damage, surplus: 0 }
     }
 
     /// Takes a record of the data section; false if its length is not to be trusted.
     pub fn take(&mut self, opcode: u8, data: &[u8], at: u64) -> bool {
+        self.surplus = 0;
         let outcome = match opcode {
             op::CHUNK => return self.take_chunk(data, at),
             op::HEADER => self.header(data),
@@ -92,7 +95,7 @@ impl Items {
             // checksum; a file has its messages in chunks, or has no chunks.
             op::MESSAGE if self.chunked => Err("it is a message outside of the chunks".into()),
             op::SCHEMA | op::CHANNEL | op::MESSAGE => self.take_plain(opcode, data),
-            op::MESSAGE_INDEX => message_index(data),
+            op::MESSAGE_INDEX => self.message_index(data),
             op::ATTACHMENT => self.attachment(data),
             op::METADATA => self.metadata(data),
             // Private records are nobody's business, but for a chunk whose first byte was hit.
@@ -139,13 +142,10 @@ impl Items {
             self.damage.push(damage);
             return super::frames::has_chunk_shape(data, data.len());
         }
-        if super::frames::has_chunk_shape(data, data.len()) {
-            return true;
-        }
-        // A length that grew by damage swallows the chunks behind it; nobody pads chunks.
-        let reason = "there are bytes behind the content of the chunk".into();
-        self.damage.push(Damage::BadRecord { at, reason });
-        false
+        // The same fields as of the header, and the name of the compression and the content.
+        let fields = 8 + 8 + 8 + 4 + 4 + header.compression.len() + 8 + header.body.len();
+        self.surplus = data.len() - fields;
+        true
     }
 
     fn take_plain(&mut self, opcode: u8, data: &[u8]) -> Result<(), String> {
@@ -159,7 +159,8 @@ impl Items {
 
     fn header(&mut self, data: &[u8]) -> Result<(), String> {
         let mut fields = Fields(data);
-        let whole = fields.text().is_some() && fields.text().is_some() && fields.0.is_empty();
+        let whole = fields.text().is_some() && fields.text().is_some();
+        self.surplus = fields.0.len();
         if whole { Ok(()) } else { Err("the header is shorter than it says, or not text".into()) }
     }
 
@@ -225,7 +226,8 @@ impl Items {
         let (Some(name), Some(texts)) = (fields.text(), fields.texts()) else {
             return Err("a metadata record is shorter than it says, or not text".into());
         };
-        if !marks::is_sound(name, &texts) || !fields.0.is_empty() {
+        self.surplus = fields.0.len();
+        if !marks::is_sound(name, &texts) {
             return Err(format!("the metadata record {name:?} is not what was written"));
         }
         match marks::channel_of(name, &texts) {
@@ -259,6 +261,7 @@ impl Items {
         if crc != 0 && crc32fast::hash(&data[..data.len() - fields.0.len() - 4]) != crc {
             return Err(format!("the attachment {name:?} is not what was written"));
         }
+        self.surplus = fields.0.len();
         self.out.push(Item::Attachment {
             log_time: Timestamp(log_time),
             create_time: Timestamp(create_time),
@@ -268,15 +271,14 @@ impl Items {
         });
         Ok(())
     }
-}
 
-fn message_index(data: &[u8]) -> Result<(), String> {
-    let mut fields = Fields(data);
-    let whole = fields.u16().is_some() && fields.pairs(|f| Some((f.u64()?, f.u64()?))).is_some();
-    // Longer than its fields: its length may have grown by damage, and hide chunks.
-    if whole && fields.0.is_empty() {
+    fn message_index(&mut self, data: &[u8]) -> Result<(), String> {
+        let mut fields = Fields(data);
+        let pairs = |fields: &mut Fields<'_>| fields.pairs(|f| Some((f.u64()?, f.u64()?)));
+        if fields.u16().is_none() || pairs(&mut fields).is_none() {
+            return Err("a message index is shorter than it says".into());
+        }
+        self.surplus = fields.0.len();
         Ok(())
-    } else {
-        Err("a message index has another length than it says".into())
     }
 }

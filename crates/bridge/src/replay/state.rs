@@ -15,11 +15,12 @@ use crate::reader::LogMessage;
 const COMMANDS_MAX: usize = 1000;
 
 /// Channels that tell what happened, not how things are.
-const HAPPENINGS: [&str; 5] = [
+const HAPPENINGS: [&str; 6] = [
     channel::COMMAND_UPLINK,
     channel::COMMAND_EVENT,
     channel::EVENT,
     channel::JOB,
+    channel::PLAN,
     channel::LOG_GAP,
 ];
 

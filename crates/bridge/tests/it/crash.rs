@@ -4,12 +4,17 @@
 //! scenario and a sample of the long one.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::Duration;
 
 use bridge::doctor;
 use bridge::reader::{Limits, read_log};
-use bridge::recorder::{Recorder, RecorderError, RecorderOptions};
+use bridge::recorder::{COMMIT_MS, Recorder, RecorderError, RecorderOptions};
 use bridge::recover::recover;
 use bridge::seal::{OWN, read_seal};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use tokio::time::Instant;
 
 use crate::recorder::options;
 use crate::sim_fs::{Fault, SimFs, Survives};
@@ -113,24 +118,36 @@ fn check(fs: &SimFs, told: &Told, case: &str) {
     assert_eq!(fs.all_files(), files, "{case}: a second recovery has changed something");
 }
 
+fn crash_at(call: u64, calls: u64, commands: u32) {
+    let fs = SimFs::default();
+    fs.fail_at(call, Fault::Crash);
+    let told = scenario(&fs, commands);
+    assert!(fs.crashed(), "call {call} of {calls} did not come");
+    for survives in [Survives::Least, Survives::Most, Survives::Torn(call)] {
+        check(&fs.after_crash(survives), &told, &format!("call {call}, {survives:?}"));
+    }
+}
+
 fn crash_at_each_call(commands: u32, step: usize) -> usize {
     let sound = SimFs::default();
     let told = scenario(&sound, commands);
     assert!(!told.failed && told.acknowledged.len() == (commands * EVENTS) as usize);
     check(&sound, &told, "no crash");
-    let (calls, mut points) = (sound.calls(), 0);
+    let calls = sound.calls();
     eprintln!("{commands} commands: {calls} calls");
-    for call in (1..=calls).step_by(step) {
-        let fs = SimFs::default();
-        fs.fail_at(call, Fault::Crash);
-        let told = scenario(&fs, commands);
-        assert!(fs.crashed(), "call {call} of {calls} did not come");
-        for survives in [Survives::Least, Survives::Most, Survives::Torn(call)] {
-            check(&fs.after_crash(survives), &told, &format!("call {call}, {survives:?}"));
+    let points: Vec<_> = (1..=calls).step_by(step).collect();
+    // Each scenario hands over between two threads all the time; two of them at once fill a machine.
+    let next = AtomicUsize::new(0);
+    std::thread::scope(|scope| {
+        for _ in 0..2 {
+            scope.spawn(|| {
+                while let Some(&call) = points.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    crash_at(call, calls, commands);
+                }
+            });
         }
-        points += 1;
-    }
-    points
+    });
+    points.len()
 }
 
 fn full() -> bool {
@@ -178,6 +195,38 @@ fn a_recovery_that_is_cut_off_itself_comes_to_the_same_end() {
     }
     eprintln!("recoveries cut off: {cuts}");
     assert!(cuts >= 100, "{cuts}");
+}
+
+/// Frames come for a while, the power goes at any moment: what is lost is younger than a batch may
+/// grow old. By the machine's clock, so the bound is asserted where the machine is ours.
+#[test]
+fn a_power_cut_costs_a_quarter_of_a_second_of_telemetry_at_most() {
+    let runs = if full() { 200 } else { 5 };
+    let mut rng = ChaCha8Rng::seed_from_u64(41);
+    let mut worst_ms = 0;
+    for run in 0..runs {
+        let fs = SimFs::default();
+        let recorder = Recorder::start_on(Box::new(fs.clone()), options()).unwrap();
+        let (begun, cut_ms) = (Instant::now(), rng.random_range(300..900));
+        let mut times_ms = Vec::new();
+        while begun.elapsed().as_millis() < cut_ms {
+            let number = times_ms.len() as u64;
+            let at = begun.elapsed();
+            recorder.record(record("rover/state", number, after(at.as_secs_f64()), "{}".into()));
+            times_ms.push(at.as_millis());
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        let end_ms = begun.elapsed().as_millis();
+        fs.cut();
+        let left = fs.after_crash(Survives::Least);
+        recover(&left).unwrap();
+        let kept = found(&left).remove("rover/state").unwrap_or_default();
+        assert!(kept.iter().copied().eq(0..kept.len() as u32), "run {run}: no hole");
+        worst_ms = worst_ms.max(times_ms.get(kept.len()).map_or(0, |first| end_ms - first));
+    }
+    eprintln!("{runs} power cuts: at most {worst_ms} ms of telemetry lost");
+    let allowed_ms = if full() { COMMIT_MS + 50 } else { 10 * COMMIT_MS };
+    assert!(worst_ms <= u128::from(allowed_ms), "{worst_ms} ms");
 }
 
 #[test]

@@ -2,9 +2,11 @@
 //! asks is told why no motion should begin, and all goes on by itself.
 
 use std::collections::BTreeSet;
+use std::io::ErrorKind;
 
 use bridge::reader::{Limits, read_log};
 use bridge::recorder::{Recorder, RecorderOptions, Storage};
+use bridge::recover::recover;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use wire::live::{GapReason, LogGap};
@@ -86,6 +88,56 @@ fn commands_are_logged_on_a_full_disk_and_all_is_logged_again_once_there_is_room
         assert!(gaps.iter().all(|gap| gap.reason == GapReason::DiskFull));
         assert_eq!(disk.space().unwrap().free, u64::MAX / 2);
     }
+}
+
+#[test]
+fn a_disk_that_becomes_read_only_refuses_commands_by_name_and_loses_none_once_it_is_back() {
+    let mut rng = ChaCha8Rng::seed_from_u64(6);
+    let mut refusals = 0;
+    for moment in 0..100 {
+        let disk = SimFs::default();
+        let recorder = Recorder::start_on(Box::new(disk.clone()), with_reserve()).unwrap();
+        let mut session = Session { recorder, next: 0 };
+        (0..rng.random_range(0..40)).for_each(|_| session.go_on());
+        disk.set_refusal(Some(ErrorKind::ReadOnlyFilesystem));
+        for _ in 0..rng.random_range(1..40) {
+            let (number, at) = (session.next, after(session.next as f64 * 0.1));
+            session.next += 1;
+            session.recorder.record(record("rover/state", number, at, "{}".into()));
+            let event = record("command/event", number, at, "{}".into());
+            let refused = session.recorder.record_durable(event).unwrap().wait_blocking();
+            let text = refused.unwrap_err().to_string();
+            assert!(text.contains("read-only"), "moment {moment}: {text}");
+            let why = session.recorder.status().error.unwrap_or_default();
+            assert!(why.contains("read-only"), "moment {moment}: no motion begins, for {why:?}");
+            refusals += 1;
+        }
+        disk.set_refusal(None);
+        let back = session.next;
+        (0..10).for_each(|_| session.go_on());
+        assert_eq!(session.recorder.status().error, None, "moment {moment}: it goes on by itself");
+        session.recorder.finish().unwrap();
+        recover(&disk).unwrap();
+        let (mut events, mut frames, mut told) = (BTreeSet::new(), BTreeSet::new(), 0);
+        for bytes in disk.files().into_values() {
+            for message in read_log(&*bytes, Limits::default()).unwrap().messages {
+                let number = u64::from(message.sequence);
+                match &*message.channel {
+                    "command/event" => assert!(events.insert(number), "{number} is there twice"),
+                    "rover/state" => drop(frames.insert(number)),
+                    "log/gap" => {
+                        let gap: LogGap = serde_json::from_slice(&message.data).unwrap();
+                        told += gap.dropped;
+                    }
+                    _ => {}
+                }
+            }
+        }
+        assert!(events.into_iter().eq(0..session.next), "moment {moment}");
+        assert!((back..session.next).all(|n| frames.contains(&n)), "moment {moment}");
+        assert_eq!(told, session.next - frames.len() as u64, "moment {moment}: every loss is told");
+    }
+    eprintln!("100 moments, {refusals} commands refused by name, 0 lost");
 }
 
 #[test]

@@ -4,11 +4,14 @@
 
 mod authority;
 mod basis;
+mod bounds;
 mod bus;
 mod carrier;
+mod catalog;
 mod chain;
 mod clock;
 mod commands;
+mod conformance;
 mod crash;
 mod damage;
 mod disk_full;
@@ -18,6 +21,7 @@ mod histories;
 mod hostile;
 mod images;
 mod kill;
+mod large_log;
 mod link;
 mod partition;
 mod recorder;
@@ -26,4 +30,5 @@ mod sim_adapter;
 mod sim_fs;
 mod stock_reader;
 mod support;
+mod variants;
 mod virtual_wire;

@@ -183,12 +183,16 @@ fn telemetry_beyond_the_bound_is_dropped_oldest_first_counted_and_told() {
     let mut recorder = Recorder::start_on(Box::new(disk.clone()), options()).unwrap();
     let stall = disk.stall();
     let padding = "x".repeat(10_000);
-    let total = 5000;
+    // Beside the 32 MiB that wait, the writer may hold as much in the batch that the disk does not take.
+    let total = 8000;
     for i in 0..total {
         recorder.record(record("rover/state", i, after(0.0), format!("\"{padding}{i}\"")));
     }
     let dropped = recorder.status().dropped;
-    assert!(dropped > 1000, "50 MB are more than the 32 MiB that may wait; dropped {dropped}");
+    assert!(
+        dropped > 1000,
+        "80 MB are more than twice the 32 MiB that may wait; dropped {dropped}"
+    );
     let told = recorder.take_notices().remove(0).text;
     assert!(told.contains(&format!("{dropped} messages of rover/state")), "{told}");
     drop(stall);

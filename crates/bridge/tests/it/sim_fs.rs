@@ -74,6 +74,8 @@ struct State {
     total: u64,
     /// Syncs that still succeed; no limit where absent.
     syncs: Option<usize>,
+    /// Every call fails like this.
+    refusal: Option<ErrorKind>,
     stalled: bool,
 }
 
@@ -119,6 +121,16 @@ impl SimFs {
     /// Asks for a fault at the call with that number, from 1.
     pub fn fail_at(&self, call: u64, fault: Fault) {
         self.lock().fault = Some((call, fault));
+    }
+
+    /// The power goes now.
+    pub fn cut(&self) {
+        self.lock().crashed = true;
+    }
+
+    /// From now on every change is refused, as on a disk that has become read-only.
+    pub fn set_refusal(&self, refusal: Option<ErrorKind>) {
+        self.lock().refusal = refusal;
     }
 
     pub fn crashed(&self) -> bool {
@@ -232,6 +244,9 @@ impl State {
             return Err(io::Error::other("no power"));
         }
         self.calls += 1;
+        if let Some(kind) = self.refusal {
+            return Err(kind.into());
+        }
         match self.fault {
             Some((at, Fault::Crash)) if self.calls == at => {
                 self.crashed = true;

@@ -6,7 +6,7 @@ use axum::http::StatusCode;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 use wire::analysis::{PlanAnswer, PlanRequest, PostureAnswer, PosturePlanRequest, PostureRequest};
-use wire::live::{JobReport, PlanCommandRef};
+use wire::live::{JobReport, PlanCommandRef, PlanRecord, channel};
 use wire::resources::ErrorBody;
 
 use crate::analyses::{self, OnProgress};
@@ -47,11 +47,20 @@ async fn start(
     let deadline_s = request.deadline_s;
     let kept = app.clone();
     let work = move |context: &Context, stop: &Stop, progress: OnProgress<'_>| {
+        let mut request = request;
+        if request.scene.state.is_none() {
+            request.scene.state = Some(kept.live.latest()?.frame.state);
+        }
         let mut planned = analyses::plan(context, &request, stop, progress)?;
         let id = uuid::Uuid::now_v7().to_string();
         planned.answer.id = Some(id.clone());
         let (answer, start) = (planned.answer, planned.start);
         let cancelled = answer.outcome == "cancelled";
+        if !cancelled {
+            let record = PlanRecord { request: complete(&kept, request), answer: answer.clone() };
+            let (mut ground, now) = kept.live.locked();
+            ground.publish(now, channel::PLAN, &record);
+        }
         kept.plans.put(&id, StoredPlan { answer, start });
         if cancelled {
             return Err(ApiError::new("cancelled", "the plan was cancelled"));
@@ -59,6 +68,19 @@ async fn start(
         Ok(format!("/api/v1/plans/{id}"))
     };
     in_background(&app, "plan", deadline_s, work)
+}
+
+/// The request with what else it left to the live rover, but for the map, which the answer names: so
+/// that the log's record of it says what was asked.
+fn complete(app: &AppState, mut request: PlanRequest) -> PlanRequest {
+    let (scene, live) = (&mut request.scene, &app.live);
+    if scene.robot.is_none() && scene.scale.is_none() && scene.payloads.is_none() {
+        scene.robot = Some(live.robot().name().into());
+        scene.scale = Some(live.robot().scale());
+        scene.payloads = Some(live.payloads().to_vec());
+    }
+    scene.gravity_m_s2 = scene.gravity_m_s2.or(Some(live.gravity()));
+    request
 }
 
 /// Begins a job behind the gate; `work` gives the path of its result.
