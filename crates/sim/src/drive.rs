@@ -97,8 +97,7 @@ impl Track {
 
 /// The heading frame of a base: its origin in plan, x where its x points in plan.
 fn heading_frame(world_from_base: &Isometry3<f64>) -> Isometry3<f64> {
-    let turned =
-        UnitQuaternion::from_axis_angle(&Vector3::z_axis(), base_heading(world_from_base));
+    let turned = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), base_heading(world_from_base));
     let place = world_from_base.translation.vector;
     Isometry3::from_parts(Translation3::new(place.x, place.y, 0.0), turned)
 }
@@ -244,8 +243,7 @@ impl Track {
 fn margin(scene: &Scene, configuration: &Configuration, at: f64) -> Result<(), Refusal> {
     let robot = scene.robot();
     let posture = Posture::new(robot, configuration);
-    let contacts: Vec<_> =
-        robot.leg_ids().map(|leg| foot(scene, &posture, leg).point).collect();
+    let contacts: Vec<_> = robot.leg_ids().map(|leg| foot(scene, &posture, leg).point).collect();
     let com = posture.center_of_mass(robot);
     let margin = support_polygon::regular(&contacts)
         .map_or(f64::NEG_INFINITY, |support| support.depth_of(com.xy()));

@@ -7,8 +7,8 @@ use stability::support_polygon;
 
 use crate::closure::{Closure, Fit, slip_max};
 use crate::command::names;
-use crate::refusal::Refusal;
 use crate::path::TimedPath;
+use crate::refusal::Refusal;
 use crate::stand::{Foot, foot, names_without, standing, support_without};
 
 /// Largest change of a joint between two looks (rad): some 5 mm of the wheel at full reach.

@@ -132,8 +132,7 @@ impl Execution {
 
     /// How far it is.
     pub fn progress(&self) -> Executing {
-        let share =
-            if self.total > 0.0 { (self.passed + self.elapsed) / self.total } else { 1.0 };
+        let share = if self.total > 0.0 { (self.passed + self.elapsed) / self.total } else { 1.0 };
         let is_sequence = self.n_steps > 1;
         let progress = if is_sequence {
             ((self.step - 1) as f64 + share) / self.n_steps as f64

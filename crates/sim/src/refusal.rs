@@ -88,7 +88,9 @@ pub enum Refusal {
     BrakeOff { leg: String },
     #[error("{leg}'s wheel is off the ground; the rover drives on all its wheels")]
     WheelLifted { leg: String },
-    #[error("{leg}'s wheel stands: rolling it alone would drag the others; drive, or lift it first")]
+    #[error(
+        "{leg}'s wheel stands: rolling it alone would drag the others; drive, or lift it first"
+    )]
     WheelStands { leg: String },
     #[error("{leg} has no wheel that could roll")]
     NoWheel { leg: String },

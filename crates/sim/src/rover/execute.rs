@@ -279,8 +279,7 @@ impl SimRover {
             Some(Phase::Drive(track)) => track.spin_rates_at(execution.elapsed).collect(),
             Some(Phase::Roll { leg, by, ramped, .. }) => {
                 let mut rates = still();
-                rates[leg.0] =
-                    by * ramped.speed_at(execution.elapsed) * ramped.length_inverse();
+                rates[leg.0] = by * ramped.speed_at(execution.elapsed) * ramped.length_inverse();
                 rates
             }
             _ => still(),

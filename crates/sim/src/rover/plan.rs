@@ -335,8 +335,7 @@ impl SimRover {
 
     fn drive_phases(&self, arc: &DriveArc) -> Result<VecDeque<Phase>, Refusal> {
         let robot = self.scene.robot();
-        let (longest, wheels) =
-            drive::headings(robot, &self.configuration, &self.posture, arc)?;
+        let (longest, wheels) = drive::headings(robot, &self.configuration, &self.posture, arc)?;
         drive::all_stand(robot, &self.feet)?;
         if let Some(leg) = robot.leg_ids().find(|leg| self.wheels[leg.0].brake) {
             return Err(Refusal::BrakeOn { leg: robot.leg(leg).name.clone() });

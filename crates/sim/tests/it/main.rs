@@ -10,8 +10,10 @@ use rover::{Configuration, LegAngles, LegId, Payload, Posture, Robot};
 use sim::{BodyKnot, Command, Event, JointKnot, Motion, SettleOptions, SimRover, Stage, settle};
 use terrain::{ElevationMap, Source};
 
+mod drive;
 mod events;
 mod motion;
+mod operations;
 mod preload;
 mod properties;
 mod refusals;
