@@ -11,6 +11,7 @@ pub mod check;
 pub mod convert;
 pub mod foxglove;
 pub mod live;
+pub mod precondition;
 pub mod reconstruction;
 pub mod resources;
 pub mod scene;
