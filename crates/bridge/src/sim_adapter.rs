@@ -9,6 +9,8 @@ use wire::time::Timestamp;
 
 use crate::adapter::RoverAdapter;
 
+pub use motion::of_body as motion_of;
+
 /// Time between telemetry frames (s).
 pub const FRAME_PERIOD_S: f64 = 0.1;
 

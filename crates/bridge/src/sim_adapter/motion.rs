@@ -34,9 +34,9 @@ pub(super) fn angles_by_leg(
     joints_rad.iter().map(of_leg).collect()
 }
 
-/// The motion that a command's body asks for, or which knot has another number of angles than the
+/// The motion that a command's body asks for (`start` is when time on board was zero), or which knot has another number of angles than the
 /// leg has joints.
-pub(super) fn of_body(
+pub fn of_body(
     robot: &Robot,
     body: &CommandBody,
     start: Timestamp,

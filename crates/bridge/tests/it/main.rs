@@ -17,6 +17,7 @@ mod histories;
 mod hostile;
 mod kill;
 mod link;
+mod preconditions;
 mod recorder;
 mod replay;
 mod sim_adapter;
