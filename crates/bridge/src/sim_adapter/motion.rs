@@ -36,11 +36,7 @@ pub(super) fn angles_by_leg(
 
 /// The motion that a command's body asks for (`start` is when time on board was zero), or which knot has another number of angles than the
 /// leg has joints.
-pub fn of_body(
-    robot: &Robot,
-    body: &CommandBody,
-    start: Timestamp,
-) -> Result<Motion, String> {
+pub fn of_body(robot: &Robot, body: &CommandBody, start: Timestamp) -> Result<Motion, String> {
     let at = |knot: usize| move |why: String| format!("knot {knot}: {why}");
     Ok(match body {
         CommandBody::JointPath { leg, knots } => {

@@ -55,8 +55,18 @@ fn fields_compare_by_kind_and_order_and_age() {
     };
     use Comparison::{Eq, Ge, Gt, Le, Lt, Ne};
     for (op, value, holds) in [
-        (Eq, 1.5, true), (Eq, 1.4, false), (Ne, 1.4, true), (Ne, 1.5, false), (Lt, 1.6, true), (Lt, 1.5, false),
-        (Le, 1.5, true), (Le, 1.4, false), (Gt, 1.4, true), (Gt, 1.5, false), (Ge, 1.5, true), (Ge, 1.6, false),
+        (Eq, 1.5, true),
+        (Eq, 1.4, false),
+        (Ne, 1.4, true),
+        (Ne, 1.5, false),
+        (Lt, 1.6, true),
+        (Lt, 1.5, false),
+        (Le, 1.5, true),
+        (Le, 1.4, false),
+        (Gt, 1.4, true),
+        (Gt, 1.5, false),
+        (Ge, 1.5, true),
+        (Ge, 1.6, false),
     ] {
         let expected = if holds { Ok(()) } else { Err("precondition_failed") };
         assert_eq!(code("a.b.0", op, json!(value), 0.0), expected, "{op:?} {value}");
@@ -106,8 +116,7 @@ fn what_was_refused_on_board_is_not_carried_out_by_a_copy() {
 fn what_only_the_ground_knows_is_too_old_on_board_when_its_message_is() {
     let mut adapter = adapter();
     let seen = |at_s: f64| {
-        let mut wanted =
-            wants("rover/stability", "torque_ratio", Comparison::Lt, json!(1.0));
+        let mut wanted = wants("rover/stability", "torque_ratio", Comparison::Lt, json!(1.0));
         wanted.observed = Some(after(at_s));
         wanted
     };
@@ -156,9 +165,8 @@ fn c1_no_command_begins_twice_and_none_on_a_stale_basis() {
             } else {
                 // A sequence of two modes; each waits for the mode before.
                 let [first, second, wait_1, wait_2] = [0; 4].map(|_| modes[rng.random_range(0..3)]);
-                let waits = |m| {
-                    vec![wants("rover/state", "operation.mode", Comparison::Eq, name(m))]
-                };
+                let waits =
+                    |m| vec![wants("rover/state", "operation.mode", Comparison::Eq, name(m))];
                 let step = |m, preconditions| SequenceStep { body: mode(m), preconditions };
                 let steps = vec![step(first, Vec::new()), step(second, waits(wait_2))];
                 let id = format!("c{i}");

@@ -95,14 +95,14 @@ fn values(at: &At<'_>, body: &CommandBody) -> Result<(), RequestError> {
         let at = at.field(name);
         values.iter().enumerate().try_for_each(|(i, v)| check::finite(&at.index(i), *v).map(drop))
     };
-    let named = |name: &str, n: usize| check::at_most(&at.field(name), n, NAMES_MAX).map(drop);
+    let named = |name: &str, n: usize| check::at_most(&at.field(name), n, NAMES_MAX);
     match body {
         CommandBody::JointMove { joints_rad, .. } => {
             named("joints_rad", joints_rad.len())?;
             let at = at.field("joints_rad");
-            joints_rad.iter().try_for_each(|(joint, q)| {
-                check::finite(&at.field(joint), *q).map(drop)
-            })
+            joints_rad
+                .iter()
+                .try_for_each(|(joint, q)| check::finite(&at.field(joint), *q).map(drop))
         }
         CommandBody::WheelMove { position_m, rotation_rad, .. } => {
             check::position(&at.field("position_m"), *position_m)?;
@@ -121,7 +121,7 @@ fn values(at: &At<'_>, body: &CommandBody) -> Result<(), RequestError> {
             finite("course_rad", *course_rad)
         }
         CommandBody::Sequence { steps } => {
-            check::at_most(&at.field("steps"), steps.len(), sim::STEPS_MAX).map(drop)
+            check::at_most(&at.field("steps"), steps.len(), sim::STEPS_MAX)
         }
         _ => Ok(()),
     }

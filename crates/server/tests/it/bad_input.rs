@@ -23,7 +23,9 @@ fn cases() -> Vec<(&'static str, String, &'static str, &'static str)> {
     let many = |n: usize, item: &str| vec![item; n].join(",");
     let hand = |text: &str| format!("{{\"body\":{{{text}}}}}");
     let waits = |text: &str| {
-        format!("{{\"body\":{{\"type\":\"mode\",\"mode\":\"safe\"}},\"preconditions\":[{{{text}}}]}}")
+        format!(
+            "{{\"body\":{{\"type\":\"mode\",\"mode\":\"safe\"}},\"preconditions\":[{{{text}}}]}}"
+        )
     };
     let k = "analysis/kinematics";
     let i = "analysis/inverse-kinematics";
