@@ -5,7 +5,6 @@ use bridge::sim_adapter::motion_of;
 use rover::Configuration;
 use sim::{Operating, PreviewError, SimRover};
 use wire::check::{self, At, RequestError};
-use wire::convert;
 use wire::live::{CommandBody, OperatingMode, RoverTelemetry, SequenceStep};
 
 use super::preconditions;
