@@ -19,7 +19,8 @@ mod stages;
 
 use std::collections::BTreeMap;
 
-use wire::live::{CommandBody, CommandState, PlanCommandRef};
+use wire::live::{CommandBody, CommandState, PlanCommandRef, Precondition};
+use wire::precondition::Unmet;
 use wire::time::Timestamp;
 
 pub use authority::{Authority, AuthorityError, AuthorityRules};
@@ -65,6 +66,8 @@ pub struct StageCommand {
     pub model_hash: Option<String>,
     /// It takes a second person's word before it is armed.
     pub two_persons: bool,
+    /// What must hold when it is released, and when it begins on board.
+    pub preconditions: Vec<Precondition>,
 }
 
 /// The light times that a command is sent under (s).
@@ -214,6 +217,9 @@ pub enum CommandError {
         /// Its state.
         state: CommandState,
     },
+    /// Telemetry does not show what it waits for.
+    #[error("what the command waits for does not hold: {0}")]
+    Precondition(#[from] Unmet),
     /// The identity belongs to another command.
     #[error("command {id} was staged with another content; use a new id")]
     IdReused {
@@ -275,6 +281,7 @@ impl CommandError {
             CommandError::ApprovalOfOther { .. } => "approval_of_other",
             CommandError::ApprovalNotNeeded { .. } => "approval_not_needed",
             CommandError::NotOverdue { .. } => "not_overdue",
+            CommandError::Precondition(unmet) => unmet.code(),
             CommandError::IdReused { .. } => "id_reused",
             CommandError::IdInvalid { .. } => "id_invalid",
             CommandError::DurationInvalid { .. } => "duration_invalid",

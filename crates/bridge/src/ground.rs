@@ -9,6 +9,7 @@
 
 mod carrier;
 mod imaging;
+mod observe;
 mod operate;
 mod run;
 mod size;

@@ -1,21 +1,16 @@
 //! The simulated rover behind the link, in process.
 
 mod imaging;
+mod motion;
+mod telemetry;
 
-use std::collections::BTreeMap;
-
-use rover::{LegAngles, Robot};
-use sim::{
-    Basis, BodyKnot, Cameras, Command, Event, Frame, JointKnot, Mode, Motion, SimRover, Stage,
-    WheelHold,
-};
-use wire::convert;
-use wire::live::{
-    self, AckStage, CommandBody, Downlink, Executing, RoverMode, RoverTelemetry, Uplink,
-};
+use sim::{Basis, Cameras, Command, Event, SimRover, Stage};
+use wire::live::{AckStage, CommandBody, Downlink, Executing, Uplink};
 use wire::time::Timestamp;
 
 use crate::adapter::RoverAdapter;
+
+pub use motion::of_body as motion_of;
 
 /// Time between telemetry frames (s).
 pub const FRAME_PERIOD_S: f64 = 0.1;
@@ -108,34 +103,13 @@ impl SimAdapter {
 
     fn telemetry(&self) -> Downlink {
         let robot = self.rover.scene().robot();
-        let frame: Frame = self.rover.frame();
-        let mode = match frame.mode {
-            Mode::Idle => RoverMode::Idle,
-            Mode::Executing => RoverMode::Executing,
-            Mode::Stopped => RoverMode::Stopped,
-            Mode::Fault => RoverMode::Fault,
-        };
-        Downlink::Telemetry(RoverTelemetry {
-            state: convert::rover_state(robot, &frame.configuration),
-            contacts: convert::by_leg(robot, |leg| frame.contacts[leg.0]),
-            contact_points_m: convert::by_leg(robot, |leg| {
-                convert::point(&frame.contact_points[leg.0])
-            }),
-            wheel_forces_n: convert::by_leg(robot, |leg| frame.wheel_forces[leg.0].into()),
-            joint_torques_nm: convert::by_leg(robot, |leg| {
-                convert::by_joint(robot.leg(leg), &frame.joint_torques[leg.0])
-            }),
-            mode,
-            // A motion, else what the cameras are at.
-            executing: frame
-                .executing
-                .map(|e| Executing { command_id: e.id, progress: e.progress })
-                .or_else(|| {
-                    let (id, progress) = self.cameras.as_ref()?.under_way()?;
-                    Some(Executing { command_id: id.to_owned(), progress })
-                }),
-            fault: frame.fault,
-        })
+        let mut telemetry = telemetry::of_frame(robot, self.rover.frame());
+        // A motion, else what the cameras are at.
+        telemetry.executing = telemetry.executing.or_else(|| {
+            let (id, progress) = self.cameras.as_ref()?.under_way()?;
+            Some(Executing { command_id: id.to_owned(), progress, step: None })
+        });
+        Downlink::Telemetry(telemetry)
     }
 
     fn refuse(&mut self, id: String, detail: String) {
@@ -161,6 +135,7 @@ impl RoverAdapter for SimAdapter {
                 basis_tolerance_rad,
                 model_hash,
                 epoch,
+                preconditions,
             } => {
                 let robot = self.rover.scene().robot().clone();
                 let own = format!("{:016x}", robot.hash());
@@ -174,13 +149,17 @@ impl RoverAdapter for SimAdapter {
                     return;
                 }
                 if let CommandBody::Image(order) = &body {
-                    self.take_images(id, epoch, order);
+                    let gate = motion::gate(&robot, &preconditions, self.start);
+                    self.take_images(id, epoch, gate.as_ref(), order);
                     self.hear();
                     return;
                 }
-                let legs =
-                    angles_by_leg(&robot, &basis_joints_rad).map_err(|why| format!("basis: {why}"));
-                match motion(&robot, &body).and_then(|motion| Ok((motion, legs?))) {
+                let legs = motion::angles_by_leg(&robot, &basis_joints_rad)
+                    .map_err(|why| format!("basis: {why}"));
+                let motion = motion::of_body(&robot, &body, self.start);
+                let motion = motion
+                    .and_then(|motion| motion::waiting(&robot, motion, &preconditions, self.start));
+                match motion.and_then(|motion| Ok((motion, legs?))) {
                     Ok((motion, legs)) => {
                         let basis = Basis { legs, tolerance: basis_tolerance_rad };
                         let basis = (!basis.legs.is_empty()).then_some(basis);
@@ -197,55 +176,4 @@ impl RoverAdapter for SimAdapter {
         self.go_to(now);
         std::mem::take(&mut self.said)
     }
-}
-
-/// Joint angles of a leg (rad; m where a joint slides), or why they are none. A leg that is unknown
-/// is for the rover to refuse.
-fn angles(robot: &Robot, leg: &str, joints: &[f64]) -> Result<LegAngles, String> {
-    let wanted = robot.leg_id(leg).map_or(joints.len(), |leg| robot.leg(leg).n_joints());
-    let angles = LegAngles::from_fn(|i, _| joints.get(i).copied().unwrap_or(0.0));
-    if joints.len() == wanted && wanted <= angles.len() {
-        return Ok(angles);
-    }
-    let (leg, n): (String, usize) = (leg.chars().take(80).collect(), joints.len());
-    Err(format!("{leg} has {n} joint angles; as many as it has joints are wanted: {wanted}"))
-}
-
-fn angles_by_leg(
-    robot: &Robot,
-    joints_rad: &BTreeMap<String, Vec<f64>>,
-) -> Result<Vec<(String, LegAngles)>, String> {
-    let of_leg =
-        |(leg, joints): (&String, &Vec<f64>)| Ok((leg.clone(), angles(robot, leg, joints)?));
-    joints_rad.iter().map(of_leg).collect()
-}
-
-/// The motion that a command's body asks for, or which knot has another number of angles than the
-/// leg has joints.
-fn motion(robot: &Robot, body: &CommandBody) -> Result<Motion, String> {
-    let at = |knot: usize| move |why: String| format!("knot {knot}: {why}");
-    Ok(match body {
-        CommandBody::JointPath { leg, knots } => {
-            let knot = |(i, knot): (usize, &live::JointKnot)| {
-                let angles = angles(robot, leg, &knot.joints_rad).map_err(at(i))?;
-                Ok::<_, String>(JointKnot { angles, time_s: knot.time_s })
-            };
-            let knots = knots.iter().enumerate().map(knot).collect::<Result<_, _>>()?;
-            Motion::JointPath { leg: leg.clone(), knots }
-        }
-        CommandBody::BodyPath { knots, drive_hold } => {
-            let knot = |(i, knot): (usize, &live::BodyKnot)| {
-                let legs = angles_by_leg(robot, &knot.joints_rad).map_err(at(i))?;
-                Ok::<_, String>(BodyKnot { legs, time_s: knot.time_s })
-            };
-            let knots = knots.iter().enumerate().map(knot).collect::<Result<_, _>>()?;
-            let hold = if *drive_hold { WheelHold::Drives } else { WheelHold::Brakes };
-            Motion::BodyPath { knots, hold }
-        }
-        CommandBody::WheelLine { leg, position_m } => {
-            Motion::WheelLine { leg: leg.clone(), center: (*position_m).into() }
-        }
-        CommandBody::Stop {} => Motion::Stop,
-        CommandBody::Image(_) => return Err("images are no motion".into()),
-    })
 }

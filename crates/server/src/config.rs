@@ -140,7 +140,20 @@ pub struct CommandsConfig {
 }
 
 /// Types of commands that two persons can be asked for; a stop is never held up.
-const TWO_PERSON_TYPES: [&str; 3] = ["joint_path", "body_path", "wheel_line"];
+const TWO_PERSON_TYPES: [&str; 12] = [
+    "joint_path",
+    "body_path",
+    "wheel_line",
+    "joint_move",
+    "wheel_move",
+    "body_move",
+    "wheel_brake",
+    "wheel_roll",
+    "wheel_steer",
+    "drive_arc",
+    "mode",
+    "sequence",
+];
 
 impl CommandsConfig {
     /// Refuses a word that is no type of command: it would protect nothing.
@@ -166,7 +179,15 @@ impl CommandsConfig {
     pub fn takes_two(&self, body: &CommandBody) -> bool {
         let of_type = serde_json::to_value(body).ok();
         let of_type = of_type.as_ref().and_then(|body| body.get("type")?.as_str());
+        let steps = match body {
+            CommandBody::Sequence { steps } => &steps[..],
+            _ => &[],
+        };
+        // A sequence takes what any of its steps takes; nested ones are refused elsewhere.
         self.two_persons.split_whitespace().any(|word| Some(word) == of_type)
+            || steps.iter().any(|step| {
+                !matches!(step.body, CommandBody::Sequence { .. }) && self.takes_two(&step.body)
+            })
     }
 
     /// Time between heartbeats (s), if there are any.

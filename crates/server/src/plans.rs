@@ -279,7 +279,8 @@ fn apply(robot: &Robot, body: &CommandBody, end: End, configuration: &mut Config
                 put(leg, joints_rad);
             }
         }
-        CommandBody::WheelLine { .. } | CommandBody::Stop {} | CommandBody::Image(_) => {}
+        // Plans hold no others.
+        _ => {}
     }
 }
 

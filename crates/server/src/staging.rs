@@ -1,5 +1,8 @@
 //! From a request to a command that may be staged: of a plan, or by hand.
 
+mod operations;
+mod preconditions;
+
 use std::collections::BTreeMap;
 
 use bridge::commands::StageCommand;
@@ -30,6 +33,7 @@ pub fn command(
     who: &str,
     request: &StageRequest,
 ) -> Result<StageCommand, ApiError> {
+    preconditions::check(&At::root("preconditions"), &request.preconditions, true)?;
     match (&request.plan, &request.body) {
         (Some(plan), None) => of_plan(app, who, request, plan),
         (None, Some(body)) => by_hand(app, who, request, body),
@@ -105,6 +109,7 @@ fn of_plan(
         basis_tolerance_rad: BASIS_JOINT_RAD,
         model_hash: Some(hash_text(robot.hash())),
         two_persons: app.config.commands.takes_two(body),
+        preconditions: request.preconditions.clone(),
     };
     // Out of order the basis cannot hold: the order says more.
     app.live.locked().0.commands().may_stage(&command)?;
@@ -153,8 +158,14 @@ fn by_hand(
             let pieces = pieces(&path, path.iter().map(|_| 0.0));
             (format!("Move the wheel of {leg} straight"), duration_s(robot, pieces))
         }
+        other => operations::checked(app, &at, &latest.frame, &now, other)?,
     };
-    let is_stop = matches!(body, CommandBody::Stop {});
+    let is_stop =
+        matches!(body, CommandBody::Stop {} | CommandBody::Hold {} | CommandBody::CancelRest {});
+    if is_stop && !request.preconditions.is_empty() {
+        let text = "go with no command that stops; it is to be taken whatever telemetry shows";
+        return Err(RequestError::at("command_invalid", &At::root("preconditions"), text).into());
+    }
     Ok(StageCommand {
         id: request.id.clone(),
         operator: who.into(),
@@ -167,6 +178,7 @@ fn by_hand(
         basis_tolerance_rad: BASIS_JOINT_RAD,
         model_hash: Some(hash_text(robot.hash())),
         two_persons: app.config.commands.takes_two(body),
+        preconditions: request.preconditions.clone(),
     })
 }
 

@@ -1,7 +1,12 @@
 //! What the rover can be told, and why it refuses.
 
-use nalgebra::Point3;
+use std::sync::Arc;
+
+use nalgebra::{Point3, Vector3};
 use rover::{LegAngles, LegId, Robot};
+
+use crate::frame::Frame;
+use crate::refusal::Refusal;
 
 /// Most knots of a joint path.
 pub const KNOTS_MAX: usize = 10_000;
@@ -11,6 +16,8 @@ pub const BODY_KNOTS_MAX: usize = 1000;
 pub const TIME_MAX_S: f64 = 86_400.0;
 /// Longest identity of a command (bytes).
 pub const ID_LENGTH_MAX: usize = 128;
+/// Most steps of a sequence.
+pub const STEPS_MAX: usize = 100;
 /// How far a joint may be from the first knot of a path (rad); the path then begins with the piece
 /// from where the leg is.
 pub const START_TOLERANCE_RAD: f64 = 0.01;
@@ -59,8 +66,146 @@ pub enum Motion {
         /// Where the wheel's center goes, in `world` (m).
         center: Point3<f64>,
     },
+    /// Move named joints of one leg to angles, joint-linear.
+    JointMove {
+        /// Names of joints with their goals (rad; m for one that slides).
+        joints: Vec<(String, f64)>,
+        /// Speed of the joint that moves most (rad/s); the robot's joint speed where absent.
+        speed: Option<f64>,
+    },
+    /// Move one leg's wheel along a straight line, turning it evenly.
+    WheelMove {
+        /// Name of the leg.
+        leg: String,
+        /// What the goal is given in.
+        frame: GoalFrame,
+        /// Where the wheel's center goes, in `frame` (m).
+        position: Vector3<f64>,
+        /// By how much the wheel turns: axis times angle (rad), about axes of the base in frame
+        /// `Base`, else of `world`.
+        rotation: Vector3<f64>,
+        /// Speed of its center (m/s); as fast as the joints allow where absent.
+        speed: Option<f64>,
+    },
+    /// Move the chassis over the wheels that stand, which stay.
+    BodyMove {
+        /// By how much, in the base's frame (m).
+        translation: Vector3<f64>,
+        /// Turn about axes of the base: axis times angle (rad).
+        rotation: Vector3<f64>,
+        /// Speed of the base's origin (m/s); as fast as the joints allow where absent.
+        speed: Option<f64>,
+    },
+    /// Put wheel brakes on, or release them.
+    WheelBrake {
+        /// Names of the legs; all where empty.
+        legs: Vec<String>,
+        /// On or off.
+        on: bool,
+    },
+    /// Roll a wheel that is off the ground.
+    WheelRoll {
+        /// Name of the leg.
+        leg: String,
+        /// By how much (rad), positive as in driving ahead along its heading.
+        angle: f64,
+        /// Spin (rad/s).
+        speed: Option<f64>,
+    },
+    /// Turn wheels about the vertical through their centers until they head there.
+    WheelSteer {
+        /// Names of legs with headings: counter-clockwise from x of the base (rad). A wheel heads
+        /// both ways, so that it turns by a quarter at most where its limits allow.
+        headings: Vec<(String, f64)>,
+    },
+    /// Steer all wheels about the center of an arc and drive along it (F7).
+    DriveArc(DriveArc),
+    /// End what is under way as soon as the stance has its margin, and put all brakes on.
+    Hold,
+    /// Take another mode of operation.
+    Mode(Operating),
+    /// Finish the step of the sequence under way; the rest of it is cancelled.
+    CancelRest,
+    /// Steps one after another; the first that fails ends it.
+    Sequence(Vec<Step>),
     /// Stop where the rover is; what is under way is aborted.
     Stop,
+}
+
+/// What the goal of a wheel is given in.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum GoalFrame {
+    /// `world`.
+    #[default]
+    World,
+    /// The base as it is now.
+    Base,
+    /// From where the wheel's center is, along the axes of `world`.
+    Offset,
+}
+
+/// An arc of the base's origin over the ground: in plan, from where it is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DriveArc {
+    /// Length (m); negative is backward, zero turns on the spot.
+    pub distance: f64,
+    /// Change of heading (rad), counter-clockwise; zero drives straight.
+    pub turn: f64,
+    /// Direction of travel at the beginning, counter-clockwise from x of the base (rad).
+    pub course: f64,
+    /// Speed of the fastest wheel (m/s).
+    pub speed: Option<f64>,
+}
+
+/// A mode of operation.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Operating {
+    /// Brakes on; only modes, holds and stops are taken.
+    Safe,
+    /// Legs and body move over braked wheels.
+    #[default]
+    Ready,
+    /// Wheels may be released, steered, rolled and driven.
+    Driving,
+}
+
+impl Operating {
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Operating::Safe => "safe",
+            Operating::Ready => "ready",
+            Operating::Driving => "driving",
+        }
+    }
+}
+
+/// A step of a sequence.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Step {
+    /// What to do.
+    pub motion: Motion,
+    /// What must hold before it begins.
+    pub gate: Option<Gate>,
+}
+
+/// What must hold before a motion begins, told by the frame of that instant; else why not.
+#[derive(Clone)]
+pub struct Gate(pub Arc<GateFn>);
+
+/// See [`Gate`].
+pub type GateFn = dyn Fn(&Frame) -> Result<(), String> + Send + Sync;
+
+impl std::fmt::Debug for Gate {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("Gate")
+    }
+}
+
+impl PartialEq for Gate {
+    fn eq(&self, other: &Gate) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
 }
 
 /// What keeps standing wheels in place while the body shifts.
@@ -100,78 +245,6 @@ pub struct Basis {
     pub legs: Vec<(String, LegAngles)>,
     /// Largest deviation of any joint from them (rad).
     pub tolerance: f64,
-}
-
-/// Why a command was refused. Nothing has moved then.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[allow(missing_docs)] // each variant is its message
-pub enum Refusal {
-    #[error("the command's id has {bytes} bytes; 1 to {ID_LENGTH_MAX} are allowed")]
-    IdLength { bytes: usize },
-    #[error(
-        "the command was sent under authority {given}, but {highest} was seen: it has passed on"
-    )]
-    OldAuthority { given: u64, highest: u64 },
-    #[error("the rover is stopped; release the stop first")]
-    Stopped,
-    #[error("the rover stopped for a fault; release the stop first: {fault}")]
-    Faulted { fault: String },
-    #[error("the rover executes {id}; wait for its end or stop it")]
-    Busy { id: String },
-    #[error("there is no leg {leg:?}; the legs are {known}")]
-    UnknownLeg { leg: String, known: String },
-    #[error("the path has {n_knots} knots; 2 to {most} are allowed")]
-    KnotCount { n_knots: usize, most: usize },
-    #[error("knot {knot} is timed at {time_s} s, before the {before_s} s of the one before")]
-    TimeDecreases { knot: usize, time_s: f64, before_s: f64 },
-    #[error("knot {knot} is timed at {time_s} s; 0 to {TIME_MAX_S} s are allowed")]
-    TimeRange { knot: usize, time_s: f64 },
-    #[error("knot {knot} moves {given}, but knot 0 {expected}; all knots move the same legs")]
-    KnotLegs { knot: usize, given: String, expected: String },
-    #[error("{leg} stands, but the body path does not move it; it moves {given}")]
-    StandingLegMissing { leg: String, given: String },
-    #[error(
-        "{at_s:.1} s after the start {leg}'s wheel would slip by {slip:.4} m, more than {most:.4} m: the legs pull against each other"
-    )]
-    Slip { at_s: f64, leg: String, slip: f64, most: f64 },
-    #[error(
-        "{at_s:.1} s after the start the center of mass would be {outside:.3} m outside the support of {standing}"
-    )]
-    BodyUnsupported { at_s: f64, outside: f64, standing: String },
-    #[error("{what} is not finite")]
-    NotFinite { what: String },
-    #[error(
-        "knot {knot} takes {joint} to {angle:.4} rad, beyond its limits of {lower:.4} to {upper:.4} rad"
-    )]
-    JointLimit { knot: usize, joint: String, angle: f64, lower: f64, upper: f64 },
-    #[error(
-        "the path begins with {joint} at {wanted:.4} rad, but it is at {present:.4} rad, more than {START_TOLERANCE_RAD} rad away"
-    )]
-    WrongStart { joint: String, wanted: f64, present: f64 },
-    #[error(
-        "the command was checked with {joint} at {checked:.4} rad, but it is at {present:.4} rad, more than {tolerance} rad away: plan again"
-    )]
-    BasisOff { joint: String, checked: f64, present: f64, tolerance: f64 },
-    #[error("the basis tolerance is {tolerance}; it must be finite and not negative")]
-    BasisTolerance { tolerance: f64 },
-    #[error(
-        "the wheel cannot follow the line: {at:.3} m of {length:.3} m along it the goal is out of reach by {missing:.3} m"
-    )]
-    OutOfReach { at: f64, length: f64, missing: f64 },
-    #[error(
-        "the wheel cannot follow the line: {at:.3} m of {length:.3} m along it {joint} would leave its limits"
-    )]
-    LineLimit { at: f64, length: f64, joint: String },
-    #[error(
-        "the wheel cannot follow the line: {at:.3} m of {length:.3} m along it the leg would have to change its branch"
-    )]
-    LineBranch { at: f64, length: f64 },
-    #[error(
-        "{leg} would be off the ground with the center of mass {outside:.2} m outside the support of {standing}"
-    )]
-    Unsupported { leg: String, standing: String, outside: f64 },
-    #[error("{leg} cannot leave the ground: {n_standing} other wheels stand, and 3 are needed")]
-    TooFewFeet { leg: String, n_standing: usize },
 }
 
 /// The leg of that name.

@@ -3,6 +3,8 @@
 use nalgebra::{Point3, Vector3};
 use rover::{Configuration, LegAngles};
 
+use crate::command::Operating;
+
 /// What the rover is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
@@ -40,6 +42,24 @@ pub struct Frame {
     pub executing: Option<Executing>,
     /// Why the rover stopped itself, until it is released.
     pub fault: Option<String>,
+    /// Its mode of operation.
+    pub operating: Operating,
+    /// The wheels.
+    pub wheels: Vec<WheelFrame>,
+}
+
+/// A wheel and its drive.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WheelFrame {
+    /// Is its brake on?
+    pub brake: bool,
+    /// Spin since the beginning (rad), positive ahead along its heading.
+    pub spin: f64,
+    /// Spin per second (rad/s).
+    pub spin_rate: f64,
+    /// Where it heads, counter-clockwise from x of the base in plan (rad), from -π to π; none for a
+    /// ball, and for a wheel that lies on its side.
+    pub heading: Option<f64>,
 }
 
 /// Progress of the command under way.
@@ -47,8 +67,10 @@ pub struct Frame {
 pub struct Executing {
     /// The command.
     pub id: String,
-    /// Share of its time that has passed, 0 to 1.
+    /// Share of its time that has passed, 0 to 1; of a sequence each step counts alike.
     pub progress: f64,
+    /// Of a sequence: the step under way, from 1, and how many there are.
+    pub step: Option<[usize; 2]>,
 }
 
 /// What the rover says of a command, stop or release.

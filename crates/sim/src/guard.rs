@@ -1,13 +1,14 @@
 //! What the rover watches while it moves, and predicts before it does.
 
-use collision::{ContactZone, LegChecker, Scene, Touch, survey};
+use collision::{ContactZone, LegChecker, Scene, Survey, Touch, survey};
 use geometry::ConvexPolygon;
 use rover::{LegAngles, LegId, LinkId, Posture, Robot};
 use stability::support_polygon;
 
 use crate::closure::{Closure, Fit, slip_max};
-use crate::command::{Refusal, names};
+use crate::command::names;
 use crate::path::TimedPath;
+use crate::refusal::Refusal;
 use crate::stand::{Foot, foot, names_without, standing, support_without};
 
 /// Largest change of a joint between two looks (rad): some 5 mm of the wheel at full reach.
@@ -50,6 +51,12 @@ pub enum Fault {
         "the center of mass would come {outside:.3} m outside the support of {standing} while the body shifts"
     )]
     BodyUnsupported { outside: f64, standing: String },
+    #[error("{link} met {what} while the wheels rolled")]
+    DriveMet { link: String, what: String },
+    #[error("{leg}'s wheel would leave the ground while the wheels roll")]
+    DriveLeftGround { leg: String },
+    #[error("the center of mass would come {outside:.3} m outside the support of the wheels")]
+    DriveUnsupported { outside: f64 },
 }
 
 /// Refuses a path on which the rover would tip over: somewhere the leg is off the ground and the
@@ -147,6 +154,25 @@ pub(crate) fn look_at_shift(scene: &Scene, closure: &Closure, fit: &Fit) -> Opti
         .map_or(f64::NEG_INFINITY, |support| support.depth_of(com.xy()));
     let standing = || names(robot, &legs);
     (depth < 0.0).then(|| Fault::BodyUnsupported { outside: -depth, standing: standing() })
+}
+
+/// What is wrong with the rover while its wheels are steered or driven, if anything: what touches, a
+/// wheel off the ground or over ground that is unknown, the center of mass.
+pub(crate) fn look_at_rolling(scene: &Scene, posture: &Posture, seen: &Survey) -> Option<Fault> {
+    let robot = scene.robot();
+    if let Some(pair) = seen.self_collision().or(seen.terrain_collision()) {
+        let (link, what) = touched(robot, pair.touch);
+        return Some(Fault::DriveMet { link, what });
+    }
+    let name = |leg: LegId| robot.leg(leg).name.clone();
+    if let Some(leg) = robot.leg_ids().find(|leg| !seen.standing.contains(leg)) {
+        return Some(Fault::DriveLeftGround { leg: name(leg) });
+    }
+    let contacts: Vec<_> = seen.contacts(scene, posture).into_iter().map(|(_, at)| at).collect();
+    let com = posture.center_of_mass(robot);
+    let depth = support_polygon::regular(&contacts)
+        .map_or(f64::NEG_INFINITY, |support| support.depth_of(com.xy()));
+    (depth < 0.0).then_some(Fault::DriveUnsupported { outside: -depth })
 }
 
 /// Whether the rover stands while one leg moves.

@@ -1,44 +1,46 @@
-//! A wheel's straight line as joint angles: closed-form inverse kinematics along one branch.
+//! Straight lines as joint angles: of one wheel, and of the body over its wheels.
 
-use nalgebra::{Isometry3, Point3};
-use rover::{Branch, IkSolution, LegAngles, LegId, Posture, Robot};
+use nalgebra::{Isometry3, Point3, UnitQuaternion};
+use rover::{Configuration, LegAngles, LegId, LinkId, Posture, Robot};
 
-use crate::command::{Refusal, START_TOLERANCE_RAD, joint_name};
+use crate::refusal::Refusal;
+use crate::trace::{Lost, Trace};
 
 /// Distance of the samples along a line, as a share of the leg's reach (5 mm of about 2.5 m). What
 /// is joint-linear between two of them leaves the line by some micrometers.
 const SAMPLE_SHARE: f64 = 0.002;
 
-/// Largest change of a joint from one sample to the next (rad): more is no motion of the wheel of
-/// a few millimeters but a change of branch, or a pass through a singular pose.
-const JUMP: f64 = 0.2;
+/// Turn from one sample to the next (rad).
+const SAMPLE_TURN: f64 = 0.02;
 
-/// Knots along the straight line of the wheel's center from where it is to `center` (`world`, m),
-/// with the wheel's orientation kept; the first knot is `present`, where the leg is.
+/// Knots along the straight line of the wheel from where it is to `goal` (`world`), turning evenly;
+/// the first knot is `present`, where the leg is.
 pub(crate) fn wheel_line(
     robot: &Robot,
     posture: &Posture,
     leg: LegId,
     present: &LegAngles,
-    center: &Point3<f64>,
+    goal: &Isometry3<f64>,
 ) -> Result<Vec<LegAngles>, Refusal> {
-    if !center.coords.iter().all(|v| v.is_finite()) {
+    if !goal.translation.vector.iter().all(|v| v.is_finite()) {
         return Err(Refusal::NotFinite { what: "the goal of the wheel's center".into() });
     }
     let start = posture.wheel(robot, leg).world_from_wheel;
-    let way = center - Point3::from(start.translation.vector);
+    let base_from_world = posture.link(LinkId(0)).inverse();
+    let way = goal.translation.vector - start.translation.vector;
     let length = way.norm();
-    let sample = SAMPLE_SHARE * robot.leg(leg).ik.reach();
-    // A line longer than twice the reach leaves it early: that many samples find it.
-    let n = (length / sample).ceil().clamp(1.0, 2.0 / SAMPLE_SHARE);
-    let mut line = Line { robot, posture, leg, length, branch: None };
+    let n = samples(robot, leg, length, &start.rotation, &goal.rotation);
+    let mut trace = Trace::new(robot, leg, *present);
     let mut knots = vec![*present];
-    for i in 0..=n as usize {
-        let share = i as f64 / n;
-        let pose =
-            Isometry3::from_parts((start.translation.vector + way * share).into(), start.rotation);
-        let last = knots[knots.len() - 1];
-        let angles = line.solve(&pose, &last, share * length)?;
+    for i in 0..=n {
+        let share = i as f64 / n as f64;
+        let pose = between(&start, goal, share);
+        let at = share * length;
+        let angles = trace.follow(&(base_from_world * pose)).map_err(|lost| match lost {
+            Lost::Reach(missing) => Refusal::OutOfReach { at, length, missing },
+            Lost::Limit(joint) => Refusal::LineLimit { at, length, joint },
+            Lost::Branch => Refusal::LineBranch { at, length },
+        })?;
         if i > 0 {
             knots.push(angles);
         }
@@ -46,54 +48,57 @@ pub(crate) fn wheel_line(
     Ok(knots)
 }
 
-struct Line<'a> {
-    robot: &'a Robot,
-    posture: &'a Posture,
-    leg: LegId,
-    length: f64,
-    /// The branch that the leg is on, once it is known.
-    branch: Option<Branch>,
+/// Angles (rad) of all legs, sample by sample, as the base moves evenly by `by` (in its frame) over
+/// the wheels of `standing`; the other legs go with it as they are. The first is where they are.
+pub(crate) fn body_line(
+    robot: &Robot,
+    configuration: &Configuration,
+    standing: &[LegId],
+    by: &Isometry3<f64>,
+) -> Result<Vec<Vec<LegAngles>>, Refusal> {
+    let posture = Posture::new(robot, configuration);
+    let start = configuration.world_from_base;
+    let goal = start * by;
+    let of_length = |leg: &LegId| {
+        samples(robot, *leg, by.translation.vector.norm(), &start.rotation, &goal.rotation)
+    };
+    let n = standing.iter().map(of_length).max().unwrap_or(1).min(900);
+    let mut knots = vec![configuration.legs.clone(); n + 1];
+    for leg in standing {
+        let wheel = posture.wheel(robot, *leg).world_from_wheel;
+        let mut trace = Trace::new(robot, *leg, configuration.legs[leg.0]);
+        for (i, knot) in knots.iter_mut().enumerate() {
+            let base = between(&start, &goal, i as f64 / n as f64);
+            let followed = trace.follow(&(base.inverse() * wheel));
+            let angles = followed.map_err(|lost| Refusal::BodyReach {
+                leg: robot.leg(*leg).name.clone(),
+                why: lost.to_string(),
+            })?;
+            if i > 0 {
+                knot[leg.0] = angles;
+            }
+        }
+    }
+    Ok(knots)
 }
 
-impl Line<'_> {
-    /// Joint angles on the leg's branch that bring the wheel to `pose`, `at` meters along the line
-    /// and one sample after `last`.
-    fn solve(
-        &mut self,
-        pose: &Isometry3<f64>,
-        last: &LegAngles,
-        at: f64,
-    ) -> Result<LegAngles, Refusal> {
-        let length = self.length;
-        let all = self
-            .posture
-            .inverse_kinematics(self.robot, self.leg, pose)
-            .map_err(|missed| Refusal::OutOfReach { at, length, missing: missed.distance })?;
-        let change = |s: &IkSolution| (s.angles - last).amax();
-        let near = |a: &&IkSolution, b: &&IkSolution| change(a).total_cmp(&change(b));
-        let Some(branch) = self.branch else {
-            // Where the leg is: the solution that it has.
-            let here = all.iter().min_by(near).filter(|s| change(s) <= START_TOLERANCE_RAD);
-            let here = here.ok_or(Refusal::LineBranch { at, length })?;
-            self.branch = Some(here.branch);
-            return Ok(here.angles);
-        };
-        let on_branch = all.iter().find(|s| s.branch == branch);
-        let solution = on_branch.ok_or(Refusal::LineBranch { at, length })?;
-        if change(solution) > JUMP {
-            return Err(Refusal::LineBranch { at, length });
-        }
-        if !solution.within_limits {
-            let joint = self.joint_beyond(&solution.angles);
-            return Err(Refusal::LineLimit { at, length, joint });
-        }
-        Ok(solution.angles)
-    }
+/// How many samples a line takes. One longer than twice the reach leaves it early: that many find it.
+fn samples(
+    robot: &Robot,
+    leg: LegId,
+    length: f64,
+    from: &UnitQuaternion<f64>,
+    to: &UnitQuaternion<f64>,
+) -> usize {
+    let along = length / (SAMPLE_SHARE * robot.leg(leg).ik.reach());
+    let turn = from.angle_to(to) / SAMPLE_TURN;
+    along.max(turn).ceil().clamp(1.0, 2.0 / SAMPLE_SHARE) as usize
+}
 
-    /// The joint that is furthest beyond a limit.
-    fn joint_beyond(&self, angles: &LegAngles) -> String {
-        let model = self.robot.leg(self.leg);
-        let beyond = (angles - model.upper).sup(&(model.lower - angles));
-        joint_name(self.robot, self.leg, beyond.imax())
-    }
+/// A pose on the straight way from one to another, turned evenly.
+fn between(from: &Isometry3<f64>, to: &Isometry3<f64>, share: f64) -> Isometry3<f64> {
+    let turn = (from.rotation.inverse() * to.rotation).scaled_axis() * share;
+    let rotation = from.rotation * UnitQuaternion::from_scaled_axis(turn);
+    let place = Point3::from(from.translation.vector.lerp(&to.translation.vector, share));
+    Isometry3::from_parts(place.into(), rotation)
 }

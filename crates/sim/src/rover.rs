@@ -1,26 +1,25 @@
 //! The rover on board: takes commands, executes one at a time, guards itself.
 
+mod execute;
+mod plan;
+
+use std::collections::VecDeque;
+
 use collision::{Scene, survey};
-use rover::{Configuration, LegAngles, LegId, Posture, Wrench, hold_torques};
+use rover::{Configuration, LegId, Posture, Wrench, hold_torques};
 use stability::support_polygon;
 
-use crate::closure::Closure;
-use crate::command::{
-    BODY_KNOTS_MAX, BodyKnot, Command, ID_LENGTH_MAX, KNOTS_MAX, Motion, Refusal, WheelHold,
-    body_knots, check_basis, check_count, check_knots, leg_named, times_of_pieces,
-};
-use crate::frame::{Event, Executing, Frame, Mode, Stage};
-use crate::guard::{Fault, Guard, LOOK, look_at_shift, predict_shift, predict_support, touched};
-use crate::line::wheel_line;
+use crate::command::{Basis, Command, ID_LENGTH_MAX, Motion, Operating, Step, check_basis};
+use crate::frame::{Event, Frame, Mode, Stage, WheelFrame};
+use crate::guard::touched;
 use crate::memory::Memory;
-use crate::path::TimedPath;
-use crate::stand::{Foot, feet, foot, loads, standing};
+use crate::phase::Execution;
+use crate::refusal::Refusal;
+use crate::stand::{Foot, feet, loads, standing};
+use crate::steer::{base_heading, heading_of, wrapped};
 
 /// How much of an identity that is too long is told back (characters).
 const ID_SHOWN: usize = 32;
-
-/// Time between two looks for a stance with margin, once the ground is silent (s).
-const SAFE_LOOK_S: f64 = 0.05;
 
 /// Why a rover cannot be put down in a configuration.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -65,7 +64,12 @@ pub struct SimRover {
     feet: Vec<Foot>,
     mode: Mode,
     execution: Option<Execution>,
+    /// The hold that waits for a stance with its margin.
+    holding: Option<String>,
     fault: Option<String>,
+    operating: Operating,
+    /// By leg.
+    wheels: Vec<Wheel>,
     memory: Memory,
     /// The highest authority seen.
     epoch: Option<u64>,
@@ -76,22 +80,12 @@ pub struct SimRover {
     events: Vec<Event>,
 }
 
-/// The command under way.
-#[derive(Debug, Clone)]
-struct Execution {
-    id: String,
-    moving: Moving,
-    path: TimedPath,
-    elapsed: f64,
-}
-
-/// What moves.
-#[derive(Debug, Clone)]
-enum Moving {
-    /// One leg; the base stays.
-    Leg(LegId),
-    /// Several legs; the base stays over these wheels.
-    Body(Closure),
+/// A wheel and its drive.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Wheel {
+    brake: bool,
+    /// Spin since the beginning (rad).
+    spin: f64,
 }
 
 impl SimRover {
@@ -106,6 +100,7 @@ impl SimRover {
             return Err(StandError::Gravity { gravity });
         }
         let (posture, feet) = stand(&scene, &configuration)?;
+        let wheels = vec![Wheel { brake: true, spin: 0.0 }; feet.len()];
         Ok(SimRover {
             scene,
             gravity,
@@ -115,7 +110,10 @@ impl SimRover {
             feet,
             mode: Mode::Idle,
             execution: None,
+            holding: None,
             fault: None,
+            operating: Operating::default(),
+            wheels,
             memory: Memory::default(),
             epoch: None,
             silence_max_s: None,
@@ -165,22 +163,38 @@ impl SimRover {
         if !self.admit(&id, epoch) {
             return;
         }
-        if motion == Motion::Stop {
-            self.abort("a stop command");
-            self.tell(&id, Stage::Completed, None);
-            return;
+        match motion {
+            Motion::Stop => {
+                self.abort("a stop command");
+                self.tell(&id, Stage::Completed, None);
+            }
+            Motion::Hold => self.hold(id),
+            Motion::CancelRest => self.cancel_rest(&id),
+            motion => self.begin(id, motion, basis.as_ref()),
         }
+    }
+
+    /// Begins a motion, or refuses it.
+    fn begin(&mut self, id: String, motion: Motion, basis: Option<&Basis>) {
         let checked = self.check_ready().and_then(|()| {
-            if let Some(basis) = &basis {
+            if let Some(basis) = basis {
                 check_basis(self.scene.robot(), basis, &self.configuration.legs)?;
             }
-            self.plan(&motion)
+            let Motion::Sequence(steps) = motion else {
+                return Ok(Execution::new(id.clone(), self.phases(&motion)?));
+            };
+            Step::check(&steps).map_err(|(_, refusal)| refusal)?;
+            let mut rest = VecDeque::from(steps);
+            let n_steps = rest.len();
+            let first = rest.pop_front().ok_or(Refusal::StepCount { n_steps })?;
+            let phases = self.step_phases(&first)?;
+            Ok(Execution { rest, n_steps, ..Execution::new(id.clone(), phases) })
         });
         match checked {
-            Ok((moving, path)) => {
+            Ok(execution) => {
                 self.tell(&id, Stage::Started, None);
                 self.mode = Mode::Executing;
-                self.execution = Some(Execution { id, moving, path, elapsed: 0.0 });
+                self.execution = Some(execution);
             }
             Err(refusal) => self.tell(&id, Stage::Rejected, Some(refusal.to_string())),
         }
@@ -202,10 +216,49 @@ impl SimRover {
         true
     }
 
+    /// What is under way ends as soon as the stance has its margin.
+    fn hold(&mut self, id: String) {
+        if let Some(before) = self.holding.replace(id.clone()) {
+            let detail = "another hold has come".to_owned();
+            self.tell(&before, Stage::Aborted, Some(detail));
+        }
+        if self.execution.is_some() {
+            self.tell(&id, Stage::Started, None);
+        } else {
+            self.held();
+        }
+    }
+
+    /// The hold that was waited for is there.
+    fn held(&mut self) {
+        if let Some(id) = self.holding.take() {
+            self.brake_all();
+            self.tell(&id, Stage::Completed, None);
+        }
+    }
+
+    fn cancel_rest(&mut self, id: &str) {
+        let left = self.execution.as_mut().map(|execution| {
+            execution.cut = true;
+            std::mem::take(&mut execution.rest).len()
+        });
+        let detail = match left {
+            None => "nothing was under way".to_owned(),
+            Some(0) => "there was no step left".to_owned(),
+            Some(left) => format!("{left} steps were cancelled"),
+        };
+        self.tell(id, Stage::Completed, Some(detail));
+    }
+
+    fn brake_all(&mut self) {
+        self.wheels.iter_mut().for_each(|wheel| wheel.brake = true);
+    }
+
     /// Stops at once and refuses motion until released. Never refused, however often it comes.
     pub fn estop(&mut self, id: &str) {
         self.tell(id, Stage::Received, None);
         self.abort("an E-stop");
+        self.brake_all();
         self.mode = Mode::Stopped;
         self.tell(id, Stage::Completed, None);
     }
@@ -251,53 +304,6 @@ impl SimRover {
         self.heard_s = self.time_s;
     }
 
-    /// Goes on by `dt_s` (s). A `dt_s` that is not a number above zero changes nothing.
-    pub fn advance(&mut self, dt_s: f64) {
-        if !(dt_s.is_finite() && dt_s > 0.0) {
-            return;
-        }
-        let end = self.time_s + dt_s;
-        let silent_s = self.silence_max_s.map_or(f64::INFINITY, |most| self.heard_s + most);
-        if let Some(execution) = self.execution.take() {
-            self.execute(execution, end.min(silent_s.max(self.time_s)));
-        }
-        if self.execution.is_some() && end >= silent_s {
-            self.time_s = self.time_s.max(silent_s.min(end));
-            self.make_safe(end);
-        }
-        self.time_s = end;
-    }
-
-    /// The ground is silent: stops as soon as the stance has its margin, and holds. Until then the
-    /// motion goes on, which was checked to its end; where it never has, the motion ends.
-    fn make_safe(&mut self, end: f64) {
-        let step = SAFE_LOOK_S;
-        while !self.stands_with_margin() {
-            let Some(execution) = self.execution.take() else { return };
-            if self.time_s >= end {
-                self.execution = Some(execution);
-                return;
-            }
-            let until = (self.time_s + step).min(end);
-            self.execute(execution, until);
-        }
-        if let Some(execution) = self.execution.take() {
-            let most = self.silence_max_s.unwrap_or_default();
-            let fault = Fault::GroundSilent { silence_s: most }.to_string();
-            self.mode = Mode::Fault;
-            self.tell(&execution.id, Stage::Aborted, Some(fault.clone()));
-            self.fault = Some(fault);
-        }
-    }
-
-    /// Is the regular margin at least what the margin rule asks?
-    fn stands_with_margin(&self) -> bool {
-        let contacts: Vec<_> = standing(&self.feet).into_iter().map(|(_, at)| at).collect();
-        let com = self.posture.center_of_mass(self.scene.robot());
-        support_polygon::regular(&contacts)
-            .is_ok_and(|support| support.depth_of(com.xy()) >= self.scene.robot().stance().margin)
-    }
-
     /// What happened since the last call, in order.
     pub fn take_events(&mut self) -> Vec<Event> {
         std::mem::take(&mut self.events)
@@ -325,75 +331,36 @@ impl SimRover {
             mode: self.mode,
             executing: self.execution.as_ref().map(Execution::progress),
             fault: self.fault.clone(),
+            operating: self.operating,
+            wheels: self.wheel_frames(),
         }
     }
 
-    /// Moves until `end` (time on board, s) or the path's, looking where it goes.
-    fn execute(&mut self, mut execution: Execution, end: f64) {
-        let duration = execution.path.duration();
-        let started = self.time_s - execution.elapsed;
-        let until = (end - started).min(duration);
-        let met = match execution.moving.clone() {
-            Moving::Leg(leg) => self.move_leg(&mut execution, leg, until),
-            Moving::Body(closure) => self.move_body(&mut execution, &closure, until),
+    fn wheel_frames(&self) -> Vec<WheelFrame> {
+        let robot = self.scene.robot();
+        let rates = self.spin_rates();
+        let base = base_heading(&self.configuration.world_from_base);
+        let frame = |leg: LegId| {
+            let pose = self.posture.wheel(robot, leg);
+            let heading = heading_of(&pose).filter(|_| !pose.ball);
+            WheelFrame {
+                brake: self.wheels[leg.0].brake,
+                spin: self.wheels[leg.0].spin,
+                spin_rate: rates[leg.0],
+                heading: heading.map(|heading| wrapped(heading - base)),
+            }
         };
-        self.time_s = started + execution.elapsed;
-        if let Some(fault) = met {
-            self.mode = Mode::Fault;
-            self.fault = Some(fault.to_string());
-            self.tell(&execution.id, Stage::Failed, self.fault.clone());
-        } else if execution.elapsed >= duration {
-            self.mode = Mode::Idle;
-            self.tell(&execution.id, Stage::Completed, None);
-        } else {
-            self.execution = Some(execution);
-        }
+        robot.leg_ids().map(frame).collect()
     }
 
-    /// Moves one leg until `until` (s after the start), or to the last look at which all was well.
-    fn move_leg(&mut self, execution: &mut Execution, leg: LegId, until: f64) -> Option<Fault> {
-        let scene = self.scene.clone();
-        let feet = self.feet.clone();
-        let guard = Guard::new(&scene, &self.posture, &feet, leg, &execution.path.goal()[0]);
-        let mut met = None;
-        while met.is_none()
-            && let Some(next) = execution.next_look(&scene, until)
-        {
-            let angles = execution.path.at(next)[0];
-            let moved = self.posture.with_leg(scene.robot(), leg, &angles);
-            met = guard.look(&moved);
-            if met.is_none() {
-                self.posture = moved;
-                self.configuration.legs[leg.0] = angles;
-                execution.elapsed = next;
-            }
+    /// The rover with mode of operation, brakes and spins (rad) as reported, by leg; what is missing
+    /// stays as it is.
+    pub fn with_wheels(mut self, operating: Operating, wheels: &[(bool, f64)]) -> SimRover {
+        self.operating = operating;
+        for (wheel, (brake, spin)) in self.wheels.iter_mut().zip(wheels) {
+            *wheel = Wheel { brake: *brake, spin: *spin };
         }
-        self.feet[leg.0] = foot(&scene, &self.posture, leg);
-        met
-    }
-
-    /// As [`move_leg`](Self::move_leg) for all legs of the path, the base over its wheels.
-    fn move_body(
-        &mut self,
-        execution: &mut Execution,
-        closure: &Closure,
-        until: f64,
-    ) -> Option<Fault> {
-        let mut met = None;
-        while met.is_none()
-            && let Some(next) = execution.next_look(&self.scene, until)
-        {
-            let angles = execution.path.at(next);
-            let legs = execution.path.applied(&self.configuration.legs, &angles);
-            let fit = closure.fit(self.scene.robot(), legs);
-            met = look_at_shift(&self.scene, closure, &fit);
-            if met.is_none() {
-                (self.configuration, self.posture) = (fit.configuration, fit.posture);
-                execution.elapsed = next;
-            }
-        }
-        self.feet = feet(&self.scene, &self.posture);
-        met
+        self
     }
 
     /// Takes note of an identity; false for one that is not to be acted on: a copy of what was
@@ -415,7 +382,7 @@ impl SimRover {
         true
     }
 
-    fn check_ready(&self) -> Result<(), Refusal> {
+    pub(crate) fn check_ready(&self) -> Result<(), Refusal> {
         match (self.mode, &self.execution) {
             (Mode::Stopped, _) => Err(Refusal::Stopped),
             (Mode::Fault, _) => {
@@ -426,94 +393,21 @@ impl SimRover {
         }
     }
 
-    /// The timed path of a motion, checked.
-    fn plan(&self, motion: &Motion) -> Result<(Moving, TimedPath), Refusal> {
-        let robot = self.scene.robot();
-        let (leg, knots, times) = match motion {
-            Motion::JointPath { leg, knots } => {
-                let leg = leg_named(robot, leg)?;
-                check_count(knots.len(), KNOTS_MAX)?;
-                let times = times_of_pieces(knots.iter().map(|knot| knot.time_s))?;
-                let knots: Vec<_> = knots.iter().map(|knot| vec![knot.angles]).collect();
-                check_knots(robot, &[leg], &knots, &[self.configuration.legs[leg.0]])?;
-                (leg, knots, times)
-            }
-            Motion::WheelLine { leg, center } => {
-                let leg = leg_named(robot, leg)?;
-                let present = &self.configuration.legs[leg.0];
-                let knots = wheel_line(robot, &self.posture, leg, present, center)?;
-                let times = vec![0.0; knots.len()];
-                (leg, knots.into_iter().map(|angles| vec![angles]).collect(), times)
-            }
-            Motion::BodyPath { knots, hold } => return self.plan_shift(knots, *hold),
-            Motion::Stop => unreachable!("a stop has no path"),
-        };
-        let path = self.timed(vec![leg], knots, &times);
-        predict_support(&self.scene, &self.posture, &self.feet, leg, &path)?;
-        Ok((Moving::Leg(leg), path))
-    }
-
-    fn plan_shift(
-        &self,
-        knots: &[BodyKnot],
-        hold: WheelHold,
-    ) -> Result<(Moving, TimedPath), Refusal> {
-        let robot = self.scene.robot();
-        check_count(knots.len(), BODY_KNOTS_MAX)?;
-        let times = times_of_pieces(knots.iter().map(|knot| knot.time_s))?;
-        let standing: Vec<LegId> = standing(&self.feet).into_iter().map(|(leg, _)| leg).collect();
-        let (legs, stances) = body_knots(robot, knots, &standing)?;
-        let all = &self.configuration.legs;
-        let present: Vec<_> = legs.iter().map(|leg| all[leg.0]).collect();
-        check_knots(robot, &legs, &stances, &present)?;
-        let path = self.timed(legs, stances, &times);
-        let closure = Closure::new(robot, &self.posture, &standing, hold);
-        predict_shift(&self.scene, &closure, &self.feet, all, &path)?;
-        Ok((Moving::Body(closure), path))
-    }
-
-    /// The path of these legs from where they are through the knots.
-    fn timed(&self, legs: Vec<LegId>, knots: Vec<Vec<LegAngles>>, times: &[f64]) -> TimedPath {
-        let present = legs.iter().map(|leg| self.configuration.legs[leg.0]).collect();
-        let knots = std::iter::once(present).chain(knots).collect();
-        TimedPath::new(legs, knots, times, self.scene.robot().motion().joint_speed)
-    }
-
     fn abort(&mut self, by: &str) {
         if let Some(execution) = self.execution.take() {
             self.mode = Mode::Idle;
             let percent = 100.0 * execution.progress().progress;
-            let detail = format!("ended by {by} after {percent:.0} % of its time");
+            let text = format!("ended by {by} after {percent:.0} % of its time");
+            let detail = execution.of_step(&text);
             self.tell(&execution.id, Stage::Aborted, Some(detail));
+        }
+        if let Some(hold) = self.holding.take() {
+            self.tell(&hold, Stage::Aborted, Some(format!("ended by {by}")));
         }
     }
 
     fn tell(&mut self, id: &str, stage: Stage, detail: Option<String>) {
         self.events.push(Event { time_s: self.time_s, id: id.to_owned(), stage, detail });
-    }
-}
-
-impl Execution {
-    /// When to look next, no later than `until`: a look's way further, or where nothing moves at
-    /// its end. `None` at `until`.
-    fn next_look(&self, scene: &Scene, until: f64) -> Option<f64> {
-        if self.elapsed >= until {
-            return None;
-        }
-        let step = LOOK / scene.robot().motion().joint_speed;
-        let passed = self.path.length_at(self.elapsed);
-        let mut next = self.elapsed + step;
-        // No joint is faster than the joint speed: one step more is at most one look more.
-        while next < until && self.path.length_at(next + step) - passed <= LOOK {
-            next += step;
-        }
-        Some(next.min(until))
-    }
-
-    fn progress(&self) -> Executing {
-        let duration = self.path.duration();
-        let progress = if duration > 0.0 { self.elapsed / duration } else { 1.0 };
-        Executing { id: self.id.clone(), progress }
     }
 }
 

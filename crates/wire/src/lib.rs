@@ -13,6 +13,7 @@ pub mod convert;
 pub mod foxglove;
 pub mod live;
 pub mod map_version;
+pub mod precondition;
 pub mod reconstruction;
 pub mod resources;
 pub mod scene;

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use crate::analysis::{PlanAnswer, PlanRequest, StabilityPreference};
+use crate::analysis::{PlanAnswer, PlanRequest};
 use crate::reconstruction::PairProgress;
 use crate::scene::{Pose, RoverState};
 use crate::time::Timestamp;
@@ -14,11 +14,17 @@ mod carrier;
 mod command;
 mod image;
 mod link;
+mod operation;
+mod record;
+mod stability;
 
 pub use carrier::*;
 pub use command::*;
 pub use image::*;
 pub use link::*;
+pub use operation::*;
+pub use record::*;
+pub use stability::*;
 
 /// Names of the channels. The same names serve stream, log and replay.
 pub mod channel {
@@ -147,6 +153,9 @@ pub struct RoverTelemetry {
     /// Why the rover is in mode `fault`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fault: Option<String>,
+    /// Mode of operation, brakes and drives; absent in logs of older versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub operation: Option<Operation>,
 }
 
 /// Progress of the command under way.
@@ -157,152 +166,9 @@ pub struct Executing {
     pub command_id: String,
     /// Share done, 0 to 1.
     pub progress: f64,
-}
-
-/// Stability of the stance as last reported, computed on the ground.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct StabilityDerived {
-    /// Center of mass in `world` (m).
-    pub com_m: [f64; 3],
-    /// The regular support polygon (m), or none with fewer than three feet on the ground.
-    pub regular: Option<PolygonAnswer>,
-    /// The conservative support polygon (m).
-    pub conservative: Option<PolygonAnswer>,
-    /// `area`, `point` or `empty`.
-    pub conservative_kind: RegionKind,
-    /// Margin after the worst settlement of one standing foot (m).
-    pub settlement_margin_m: Option<f64>,
-    /// The foot whose settlement is worst.
-    pub settlement_leg: Option<String>,
-    /// Largest |torque| / limit over all joints.
-    pub torque_ratio: f64,
-    /// The joint with the largest ratio.
-    pub torque_joint: String,
-    /// Torque / limit by leg, signed, from the hip outward.
-    pub torque_ratios: BTreeMap<String, Vec<f64>>,
-    /// Friction, forces and energy; none where nothing stands, and in logs of older versions.
+    /// Of a sequence: the step under way, from 1, and how many there are.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub forces: Option<ForcesDerived>,
-}
-
-/// What friction, joint torques and energy say of a stance.
-///
-/// Normals of the ground are those that the wheels show: from the contact to the wheel's center.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ForcesDerived {
-    /// Coefficient of friction taken for all contacts.
-    pub friction_coefficient: f64,
-    /// Where friction holds the center of mass.
-    pub friction: RegionAnswer,
-    /// What is left of it should any one foot be lost.
-    pub friction_conservative: RegionAnswer,
-    /// Where friction and joint torques hold it, at the present joint angles.
-    pub torque: RegionAnswer,
-    /// How much the friction may fall before the rover slips; negative: how much is missing. None if
-    /// no friction would do.
-    pub slip_margin: Option<f64>,
-    /// By how much the center of mass must rise to tip over the weakest edge (m); none without a
-    /// support polygon.
-    pub energy_margin_m: Option<f64>,
-    /// The same as work (J).
-    pub energy_margin_j: Option<f64>,
-    /// The two feet of that edge.
-    pub energy_edge: Option<[String; 2]>,
-    /// Smallest forces of the ground that hold the stance (N); none if none do.
-    pub contact_forces_n: Option<BTreeMap<String, [f64; 3]>>,
-    /// Largest |torque| / limit with the forces that spare the joints most; none if none hold.
-    pub least_torque_ratio: Option<f64>,
-    /// The joint that has it.
-    pub least_torque_joint: Option<String>,
-    /// Vertical load of each foot (N) of a compliant rover: least, expected, most within the errors
-    /// of stiffness and touch-down height. None if it tips.
-    pub load_share_n: Option<BTreeMap<String, [f64; 3]>>,
-    /// Largest |torque| / limit within these loads.
-    pub load_torque_ratio: Option<f64>,
-    /// The joint that has it.
-    pub load_torque_joint: Option<String>,
-    /// True if the best forces, the loads within their errors, and lifted legs leave all joints
-    /// within their limits.
-    pub torque_safe: bool,
-    /// Where the measured forces on the wheels act together, `[x, y]` (m); none if nothing bears.
-    pub center_of_force_m: Option<[f64; 2]>,
-}
-
-/// Where the legs of the live rover can stand, in short.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct ReachSummary {
-    /// What it was computed for: another text means another stance, map or preference.
-    pub basis: String,
-    /// What must hold while a leg is up.
-    pub stability: StabilityPreference,
-    /// Each leg that is done, by its name; those that are missing are still computed.
-    pub legs: BTreeMap<String, LegReach>,
-    /// Share of the legs done, 0 to 1.
-    pub progress: f64,
-    /// Why nothing is computed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub failure: Option<String>,
-}
-
-/// How many cells of a leg are of each class.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct LegReach {
-    /// By the names of the classes.
-    pub cells: BTreeMap<String, u32>,
-    /// Distance between cells (m).
-    pub resolution_m: f64,
-}
-
-/// A region of centers of mass, or why there is none.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct RegionAnswer {
-    /// `area`, `point` or `empty`.
-    pub kind: RegionKind,
-    /// The region; none if it is empty. `critical` names the feet that bear at the nearest edge.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub region: Option<PolygonAnswer>,
-    /// Why it is empty.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub why_empty: Option<String>,
-    /// True if it reaches so far only because feet push against each other with 100 times the weight.
-    #[serde(default)]
-    pub capped: bool,
-}
-
-/// What a region is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum RegionKind {
-    /// It has area.
-    Area,
-    /// A single point.
-    Point,
-    /// Nothing.
-    Empty,
-}
-
-/// A support polygon with the margin of the center of mass.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct PolygonAnswer {
-    /// Vertices `[x, y]` in `world` (m), counter-clockwise; a single one where the region is a
-    /// point.
-    pub polygon_m: Vec<[f64; 2]>,
-    /// Area (m²).
-    pub area_m2: f64,
-    /// Distance of the center of mass from the nearest edge (m), negative outside.
-    pub margin_m: f64,
-    /// The edge that decides, as `[[x, y], [x, y]]` (m).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub critical_edge_m: Option<[[f64; 2]; 2]>,
-    /// The feet that decide, by name: `leg2, leg3` at the ends of the edge.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub critical: Option<String>,
+    pub step: Option<[u32; 2]>,
 }
 
 /// One knot of a joint path.
@@ -358,6 +224,97 @@ pub enum CommandBody {
         /// Where the wheel center goes, in `world` (m).
         position_m: [f64; 3],
     },
+    /// Move named joints of one leg to angles, joint-linear.
+    JointMove {
+        /// Goals (rad; m for a joint that slides) by the joints' names.
+        joints_rad: BTreeMap<String, f64>,
+        /// Speed of the joint that moves most (rad/s); the robot's joint speed where absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        speed_rad_s: Option<f64>,
+    },
+    /// Move one leg's wheel along a straight line, turning it evenly.
+    WheelMove {
+        /// The leg.
+        leg: String,
+        /// What the goal is given in.
+        #[serde(default)]
+        frame: GoalFrame,
+        /// Where the wheel's center goes, in `frame` (m).
+        position_m: [f64; 3],
+        /// By how much the wheel turns: axis times angle (rad), about axes of the base in frame `base`,
+        /// else of `world`.
+        #[serde(default)]
+        rotation_rad: [f64; 3],
+        /// Speed of its center (m/s); as fast as the joints allow where absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        speed_m_s: Option<f64>,
+    },
+    /// Move the chassis over the wheels that stand, which stay.
+    BodyMove {
+        /// By how much, in the base's frame (m).
+        translation_m: [f64; 3],
+        /// Turn about axes of the base: axis times angle (rad).
+        #[serde(default)]
+        rotation_rad: [f64; 3],
+        /// Speed of the base's origin (m/s); as fast as the joints allow where absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        speed_m_s: Option<f64>,
+    },
+    /// Put wheel brakes on, or release them (mode `driving`).
+    WheelBrake {
+        /// The legs; all where empty.
+        #[serde(default)]
+        legs: Vec<String>,
+        /// On or off.
+        on: bool,
+    },
+    /// Roll a wheel that is off the ground (mode `driving`, its brake off).
+    WheelRoll {
+        /// The leg.
+        leg: String,
+        /// By how much (rad), positive ahead along its heading.
+        angle_rad: f64,
+        /// Spin (rad/s), 0.5 where absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        speed_rad_s: Option<f64>,
+    },
+    /// Turn wheels about the vertical through their centers (mode `driving`, their brakes off).
+    WheelSteer {
+        /// Headings by leg, counter-clockwise from base x (rad). A wheel heads both ways: it turns by
+        /// a quarter at most where its joints allow.
+        headings_rad: BTreeMap<String, f64>,
+    },
+    /// Steer all wheels about the center of an arc and drive along it (mode `driving`, brakes off). Its
+    /// center is `distance_m / turn_rad` to the left of the course.
+    DriveArc {
+        /// Length of the way of the base's origin in plan (m); negative is backward, zero turns on the
+        /// spot.
+        distance_m: f64,
+        /// Change of heading (rad), counter-clockwise; zero drives straight.
+        #[serde(default)]
+        turn_rad: f64,
+        /// Direction of travel at the beginning, counter-clockwise from base x (rad).
+        #[serde(default)]
+        course_rad: f64,
+        /// Speed of the fastest wheel (m/s); 0.1 at scale 1 where absent.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        speed_m_s: Option<f64>,
+    },
+    /// End what is under way as soon as the stance has its margin, and put all brakes on.
+    Hold {},
+    /// Take another mode of operation.
+    Mode {
+        /// Which.
+        mode: OperatingMode,
+    },
+    /// Steps one after another on board; the first that fails ends it, and those after it are not
+    /// begun.
+    Sequence {
+        /// 1 to 100 steps.
+        steps: Vec<SequenceStep>,
+    },
+    /// Finish the step of the sequence under way; the rest of it is cancelled.
+    CancelRest {},
     /// Stop where the rover is and stay in mode `idle`; what was under way is aborted.
     Stop {},
     /// Take images. Nothing moves; taken in every mode, also while something moves.
@@ -388,6 +345,9 @@ pub enum Uplink {
         /// it has seen.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         epoch: Option<u64>,
+        /// What must hold when it begins. The rover refuses the command else.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        preconditions: Vec<Precondition>,
     },
     /// The ground is there. A rover that hears nothing for long makes itself safe.
     Heartbeat {},
@@ -442,132 +402,6 @@ pub enum AckStage {
     Failed,
     /// Ended by a stop or E-stop.
     Aborted,
-}
-
-/// The state of a command, as shown to people.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum CommandState {
-    /// Checked and waiting for the operator.
-    Staged,
-    /// May be sent until `armed_until`.
-    Armed,
-    /// Handed to the link.
-    Sent,
-    /// The rover has it.
-    Received,
-    /// The rover moves.
-    Executing,
-    /// Done as commanded.
-    Done,
-    /// Refused by the rover, or ended otherwise.
-    Failed,
-    /// Ended by a stop or E-stop.
-    Aborted,
-    /// The outcome is unknown: no word from the rover when there should have been one, or the ground
-    /// was restarted in between. Never sent again by itself. A late word takes it further; else an
-    /// operator resolves it from telemetry.
-    Overdue,
-    /// Taken back before it was sent.
-    Cancelled,
-    /// The plan's basis no longer held when it was to be armed or sent, or it waited for the link
-    /// longer than a command may.
-    Expired,
-}
-
-/// One transition of one command.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct CommandEvent {
-    /// The command.
-    pub command: CommandRecord,
-    /// When, on the ground.
-    pub time: Timestamp,
-    /// The new state.
-    pub state: CommandState,
-    /// Who asked for it, or `rover`, or `server`.
-    pub who: String,
-    /// Why, where there is something to say.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub why: Option<String>,
-}
-
-/// A command as the ground knows it: the fold of its events.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct CommandRecord {
-    /// Identity (UUID v7), given by the client or the server.
-    pub id: String,
-    /// What the rover is told.
-    pub body: CommandBody,
-    /// In words: `Lift leg 2`.
-    pub title: String,
-    /// The plan it belongs to.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub plan: Option<PlanCommandRef>,
-    /// Present state.
-    pub state: CommandState,
-    /// Who staged it.
-    pub operator: String,
-    /// When it was staged.
-    pub staged: Timestamp,
-    /// Until when it may be sent, once armed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub armed_until: Option<Timestamp>,
-    /// When it was handed to the link.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub sent: Option<Timestamp>,
-    /// When it reaches the rover at the earliest.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub arrives: Option<Timestamp>,
-    /// When the ground can know of it at the earliest.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub earliest_ack: Option<Timestamp>,
-    /// After this time without word it is overdue.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub overdue_after: Option<Timestamp>,
-    /// How long the motion takes as planned (s).
-    pub duration_s: f64,
-    /// Share done as last reported, 0 to 1.
-    pub progress: f64,
-    /// Why it failed or expired.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub why: Option<String>,
-    /// Its stages, once it was sent.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub verification: Vec<Verification>,
-    /// The second person's word; absent where none is needed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub approval: Option<Approval>,
-    /// Number of the authority that it was sent under.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub epoch: Option<u64>,
-}
-
-/// Which command of which plan: one of its `commands`, or one of its `retreat`.
-///
-/// A plan's commands go in order, each after the one before is done. Its way back goes likewise:
-/// - `retreat` has a part for each command, in the opposite order: with n commands, part i undoes
-///   command n - 1 - i.
-/// - A part may be staged once the command that it undoes is done (else `not_executed`), while no
-///   command of the plan is on its way or under way (else `plan_under_way`).
-/// - It is armed when that command is the last one done and not undone (else `order`).
-/// - Once a part is done the plan goes back only: what is staged of its commands expires, and others
-///   are refused (`backing_out`). To go forward, plan anew.
-/// - A command that ended elsewhere than at its end is not undone: the rover is then not where the
-///   way back begins (`basis_changed`).
-///
-/// Basis, arming and sending are the same both ways.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub struct PlanCommandRef {
-    /// The plan.
-    pub plan_id: String,
-    /// Index into the plan's commands or, with `retreat`, into its way back.
-    pub index: usize,
-    /// A part of the way back; false where absent.
-    #[serde(default, skip_serializing_if = "is_false")]
-    pub retreat: bool,
 }
 
 fn is_false(value: &bool) -> bool {

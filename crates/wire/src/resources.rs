@@ -4,7 +4,8 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::live::{
-    CommandBody, CommandRecord, LinkReport, PlanCommandRef, RoverTelemetry, StabilityDerived,
+    CommandBody, CommandRecord, LinkReport, PlanCommandRef, Precondition, RoverTelemetry,
+    StabilityDerived,
 };
 use crate::map_version::{VersionChanges, VersionPair};
 use crate::scene::{Payload, Recipe};
@@ -239,6 +240,9 @@ pub struct StageRequest {
     /// A command by hand.
     #[serde(default)]
     pub body: Option<CommandBody>,
+    /// What telemetry must show when it is released, and when it begins on board.
+    #[serde(default)]
+    pub preconditions: Vec<Precondition>,
     /// Everything but the release: checks what staging, arming and sending would, and stages nothing.
     #[serde(default)]
     pub dry_run: bool,

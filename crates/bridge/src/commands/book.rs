@@ -65,7 +65,9 @@ impl CommandBook {
             None => new_id(now),
         };
         if let Some(known) = self.get(&id) {
-            let same = known.body == command.body && known.plan == command.plan;
+            let same = known.body == command.body
+                && known.plan == command.plan
+                && known.preconditions == command.preconditions;
             return if same { Ok(known.clone()) } else { Err(CommandError::IdReused { id }) };
         }
         let duration_s = command.duration_s;
@@ -95,6 +97,8 @@ impl CommandBook {
             verification: Vec::new(),
             approval,
             epoch: None,
+            preconditions: command.preconditions,
+            step: None,
         };
         let entry = Entry {
             record: record.clone(),
@@ -225,6 +229,7 @@ impl CommandBook {
             basis_tolerance_rad: entry.basis_tolerance_rad,
             model_hash: entry.model_hash.clone(),
             epoch,
+            preconditions: record.preconditions.clone(),
         };
         Ok((record, uplink))
     }
@@ -329,7 +334,8 @@ impl CommandBook {
         let granted = now.plus_seconds(MOTION_SLACK_S);
         entry.deadline = entry.deadline.max(Some(granted));
         let progress = executing.progress.clamp(0.0, 1.0);
-        let grown = progress >= entry.record.progress + PROGRESS_STEP;
+        let grown = progress >= entry.record.progress + PROGRESS_STEP
+            || executing.step != entry.record.step;
         if state == CommandState::Executing && !grown {
             return;
         }
@@ -340,6 +346,7 @@ impl CommandBook {
             // The command is known: it was found above.
             let _ = self.transition(now, &executing.command_id, ROVER, None, |entry| {
                 entry.record.progress = progress;
+                entry.record.step = executing.step;
                 entry.record.overdue_after = entry.deadline;
             });
         }

@@ -38,6 +38,7 @@ impl Ground {
             self.rover_must_be_there(),
             self.authority.may(now, who).map_err(CommandError::from),
             self.book.may_arm(command),
+            self.observe(now, &command.preconditions).map(drop).map_err(CommandError::from),
         ];
         checks.into_iter().filter_map(Result::err).collect()
     }
@@ -66,10 +67,17 @@ impl Ground {
         self.log_must_be_well()?;
         self.rover_must_be_there()?;
         let epoch = self.exercise_authority(now, who)?;
+        let waits_for = self.book.get(id).map(|record| record.preconditions.clone());
+        let observed = self.observe(now, waits_for.as_deref().unwrap_or_default())?;
         let light = self.light_times(now);
         let outcome = self.book.send_as(now, id, who, light, Some(epoch));
         let uplink = match outcome {
-            Ok((_, uplink)) => uplink,
+            Ok((_, mut uplink)) => {
+                if let Uplink::Command { preconditions, .. } = &mut uplink {
+                    *preconditions = observed;
+                }
+                uplink
+            }
             Err(error) => {
                 self.publish_events();
                 return Err(error);

@@ -4,7 +4,9 @@
 
 use std::collections::BTreeMap;
 
-use wire::live::{CommandBody, Downlink, ImageDown, ImageUp, RoverTelemetry, Uplink};
+use wire::live::{
+    CommandBody, Downlink, ImageDown, ImageUp, Precondition, RoverTelemetry, SequenceStep, Uplink,
+};
 
 /// Sync, addresses, time, sequence, check sum.
 const HEADER: usize = 32;
@@ -14,8 +16,11 @@ const NUMBER: usize = 4;
 
 pub(super) fn of_uplink(uplink: &Uplink) -> u32 {
     bytes(match uplink {
-        Uplink::Command { body, basis_joints_rad, .. } => {
-            ID + NUMBER + of_body(body) + of_lists(basis_joints_rad)
+        Uplink::Command { body, basis_joints_rad, preconditions, .. } => {
+            ID + NUMBER
+                + of_body(body)
+                + of_lists(basis_joints_rad)
+                + of_preconditions(preconditions)
         }
         Uplink::Heartbeat {} => 0,
         Uplink::Image(ImageUp::LetGo { .. }) => ID,
@@ -43,7 +48,20 @@ fn of_body(body: &CommandBody) -> usize {
             1 + knots.iter().map(|knot| NUMBER + of_lists(&knot.joints_rad)).sum::<usize>()
         }
         CommandBody::WheelLine { .. } => 1 + 3 * NUMBER,
-        CommandBody::Stop {} => 1,
+        CommandBody::JointMove { joints_rad, .. } => 1 + NUMBER + joints_rad.len() * (2 + NUMBER),
+        CommandBody::WheelMove { .. } => 2 + 7 * NUMBER,
+        CommandBody::BodyMove { .. } => 1 + 7 * NUMBER,
+        CommandBody::WheelBrake { legs, .. } => 2 + legs.len(),
+        CommandBody::WheelRoll { .. } => 2 + 2 * NUMBER,
+        CommandBody::WheelSteer { headings_rad } => 1 + headings_rad.len() * (1 + NUMBER),
+        CommandBody::DriveArc { .. } => 1 + 4 * NUMBER,
+        CommandBody::Sequence { steps } => {
+            let of_step =
+                |step: &SequenceStep| of_body(&step.body) + of_preconditions(&step.preconditions);
+            1 + steps.iter().map(of_step).sum::<usize>()
+        }
+        CommandBody::Mode { .. } => 2,
+        CommandBody::Hold {} | CommandBody::CancelRest {} | CommandBody::Stop {} => 1,
         CommandBody::Image(order) => {
             1 + 6 * NUMBER + NUMBER * (order.pairs.len() + 2 * order.scales.len())
         }
@@ -67,6 +85,11 @@ fn of_image(part: &ImageDown) -> usize {
     }
 }
 
+/// Channel, field, comparison, value, age, time.
+fn of_preconditions(preconditions: &[Precondition]) -> usize {
+    preconditions.iter().map(|p| 2 + p.field.len() + 5 * NUMBER).sum()
+}
+
 /// Pose, joints, contacts, points, forces, torques, mode and progress.
 fn of_frame(frame: &RoverTelemetry) -> usize {
     let points = frame.contact_points_m.len() + frame.wheel_forces_n.len();
@@ -80,6 +103,7 @@ fn of_frame(frame: &RoverTelemetry) -> usize {
         + 1
         + frame.executing.as_ref().map_or(0, |_| ID + NUMBER)
         + fault
+        + frame.operation.as_ref().map_or(0, |o| 1 + o.wheels.len() * (1 + 2 * NUMBER))
 }
 
 fn of_lists(lists: &BTreeMap<String, Vec<f64>>) -> usize {

@@ -1,6 +1,8 @@
 //! The cameras of the simulated rover, in the words of the link.
 
-use sim::{Effects, Event, ImageName, ImageRefusal, ImageWord, Missing, Side, Stage};
+use sim::{
+    Effects, Event, Gate, ImageName, ImageRefusal, ImageWord, Missing, Refusal, Side, Stage,
+};
 use wire::convert;
 use wire::live::{
     self, Downlink, FailedPair, ImageDown, ImageHead, ImageUp, PieceData, RANGES_MAX,
@@ -10,12 +12,24 @@ use super::SimAdapter;
 
 impl SimAdapter {
     /// Takes images where the rover is, or refuses.
-    pub(super) fn take_images(&mut self, id: String, epoch: Option<u64>, order: &live::ImageOrder) {
+    pub(super) fn take_images(
+        &mut self,
+        id: String,
+        epoch: Option<u64>,
+        gate: Option<&Gate>,
+        order: &live::ImageOrder,
+    ) {
         if !self.rover.admit(&id, epoch) {
             return;
         }
         self.hear();
         let time_s = self.rover.time_s();
+        if let Some(Err(unmet)) = gate.map(|gate| gate.0(&self.rover.frame())) {
+            let refusal = Refusal::Precondition { unmet };
+            let (stage, detail) = (Stage::Rejected, Some(refusal.to_string()));
+            self.say(Event { time_s, id, stage, detail });
+            return;
+        }
         let simulated = order.simulated.clone().unwrap_or_default();
         let order = sim::ImageOrder {
             id: id.clone(),

@@ -33,6 +33,7 @@ fn outcome(change: &dyn Fn(&mut Uplink)) -> (AckStage, String) {
         basis_tolerance_rad: 0.01,
         model_hash: Some(format!("{:016x}", athlete().hash())),
         epoch: Some(7),
+        preconditions: Vec::new(),
     };
     change(&mut uplink);
     let mut rover = adapter();
@@ -83,6 +84,7 @@ fn an_older_authority_is_refused_on_board() {
         basis_tolerance_rad: 0.0,
         model_hash: None,
         epoch,
+        preconditions: Vec::new(),
     };
     let mut rover = adapter();
     let sent = [(1, Some(5)), (2, Some(5)), (3, Some(4)), (4, None), (5, Some(6)), (6, Some(5))];

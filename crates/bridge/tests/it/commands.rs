@@ -39,7 +39,7 @@ fn a_command_goes_from_staged_to_done_and_every_step_is_an_event() {
     let record = book.get(&uuid(1)).unwrap();
     assert_eq!(record.overdue_after, Some(after(2.6 + 15.0 + 5.0)), "1.5 durations and 5 s");
     book.acknowledge(after(2.7), &uuid(1), AckStage::Started, None);
-    let executing = Executing { command_id: uuid(1), progress: 0.5 };
+    let executing = Executing { command_id: uuid(1), progress: 0.5, step: None };
     book.progress(after(7.6), &executing);
     book.acknowledge(after(12.6), &uuid(1), AckStage::Completed, None);
     let record = book.get(&uuid(1)).unwrap();
@@ -142,7 +142,7 @@ fn telemetry_that_shows_the_motion_keeps_it_from_being_overdue() {
     let mut book = with_one_sent();
     for tenth in 26..600 {
         let at = after(f64::from(tenth) / 10.0);
-        book.progress(at, &Executing { command_id: uuid(1), progress: 0.1 });
+        book.progress(at, &Executing { command_id: uuid(1), progress: 0.1, step: None });
         book.tick(at);
         assert_eq!(state(&book, 1), CommandState::Executing);
     }
@@ -286,7 +286,7 @@ fn play(seed: u64) {
             }
             14 => {
                 let progress = rng.random_range(-0.1..1.1);
-                book.progress(now, &Executing { command_id: id, progress });
+                book.progress(now, &Executing { command_id: id, progress, step: None });
             }
             _ if rng.random_bool(0.3) => book.disarm_all(now, "ada", "E-stop"),
             _ => book.tick(now),

@@ -24,6 +24,7 @@ mod kill;
 mod large_log;
 mod link;
 mod partition;
+mod preconditions;
 mod recorder;
 mod replay;
 mod sim_adapter;

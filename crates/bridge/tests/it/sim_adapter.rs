@@ -69,6 +69,7 @@ fn hip_motion(at: &RoverTelemetry, turn: f64) -> Uplink {
         basis_tolerance_rad: 0.001,
         model_hash: None,
         epoch: None,
+        preconditions: Vec::new(),
     }
 }
 
@@ -115,6 +116,7 @@ fn an_estop_ends_a_motion_and_refuses_the_next() {
         basis_tolerance_rad: 0.0,
         model_hash: None,
         epoch: None,
+        preconditions: Vec::new(),
     };
     adapter.uplink(after(2.5), next);
     let said = adapter.advance(after(3.0));
@@ -167,6 +169,7 @@ fn shift(robot: &Robot, frame: &RoverTelemetry, by: Vector3<f64>) -> Uplink {
         basis_tolerance_rad: 0.001,
         model_hash: None,
         epoch: None,
+        preconditions: Vec::new(),
     }
 }
 
@@ -237,6 +240,7 @@ fn a_knot_that_lacks_a_joint_is_refused() {
         basis_tolerance_rad: 0.0,
         model_hash: None,
         epoch: None,
+        preconditions: Vec::new(),
     };
     adapter.uplink(after(1.0), command);
     let said = adapter.advance(after(1.0));

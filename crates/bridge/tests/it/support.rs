@@ -76,6 +76,7 @@ pub fn frame(mode: RoverMode, executing: Option<Executing>) -> RoverTelemetry {
         mode,
         executing,
         fault: None,
+        operation: None,
     }
 }
 
@@ -97,6 +98,7 @@ pub fn motion(id: &str, duration_s: f64, plan: Option<(&str, usize)>) -> StageCo
         basis_tolerance_rad: 0.02,
         model_hash: None,
         two_persons: false,
+        preconditions: Vec::new(),
     }
 }
 
@@ -160,6 +162,7 @@ impl FakeRover {
         let executing = moving.map(|(id, begin, end)| Executing {
             command_id: id.clone(),
             progress: at.seconds_since(*begin) / end.seconds_since(*begin).max(1e-9),
+            step: None,
         });
         let mode = match (&executing, self.stopped) {
             (_, true) => RoverMode::Stopped,

@@ -396,9 +396,8 @@ fn mirrored(body: &CommandBody, duration_s: f64) -> CommandBody {
             let knots = knots.iter().rev().map(back).collect();
             CommandBody::BodyPath { knots, drive_hold: *drive_hold }
         }
-        CommandBody::WheelLine { .. } | CommandBody::Stop {} | CommandBody::Image(_) => {
-            body.clone()
-        }
+        // Plans hold no others.
+        other => other.clone(),
     }
 }
 

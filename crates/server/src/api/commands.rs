@@ -90,6 +90,8 @@ async fn stage(
             verification: Vec::new(),
             approval: None,
             epoch: None,
+            preconditions: command.preconditions,
+            step: None,
         };
         return Ok((StatusCode::OK, Json(record)));
     }

@@ -21,6 +21,12 @@ fn cases() -> Vec<(&'static str, String, &'static str, &'static str)> {
         |text: &str| format!(r#"{{"cases":[{{"com_m":[0,0,0],"contacts":[{{{text}}}]}}]}}"#);
     let plan = |text: &str| format!(r#"{{"leg":"leg1","target":{{"position_m":[2,0,0]}},{text}}}"#);
     let many = |n: usize, item: &str| vec![item; n].join(",");
+    let hand = |text: &str| format!("{{\"body\":{{{text}}}}}");
+    let waits = |text: &str| {
+        format!(
+            "{{\"body\":{{\"type\":\"mode\",\"mode\":\"safe\"}},\"preconditions\":[{{{text}}}]}}"
+        )
+    };
     let k = "analysis/kinematics";
     let i = "analysis/inverse-kinematics";
     let s = "analysis/stability";
@@ -173,6 +179,30 @@ fn cases() -> Vec<(&'static str, String, &'static str, &'static str)> {
         ("commands", "{}".into(), "target_ambiguous", ""),
         ("commands", "{\"plan\":{\"plan_id\":\"x\",\"index\":0}}".into(), "plan_unknown", ""),
         ("commands", "{\"body\":{\"type\":\"jump\"}}".into(), "wrong_type", "body.type"),
+        ("commands", hand("\"type\":\"drive_arc\",\"distance_m\":NaN"), "not_finite", "body.distance_m"),
+        ("commands", hand("\"type\":\"drive_arc\",\"distance_m\":1e999"), "not_finite", "body.distance_m"),
+        ("commands", hand("\"type\":\"drive_arc\",\"distance\":1"), "unknown_field", "body.distance"),
+        ("commands", hand("\"type\":\"drive_arc\",\"distance_m\":1"), "command_invalid", "body"),
+        ("commands", hand("\"type\":\"wheel_brake\",\"on\":false"), "command_invalid", "body"),
+        ("commands", hand("\"type\":\"wheel_brake\",\"on\":true,\"legs\":[\"leg7\"]"), "command_invalid", "body"),
+        ("commands", hand(&format!("\"type\":\"wheel_brake\",\"on\":true,\"legs\":[{}]", many(101, "\"leg1\""))), "too_many", "body.legs"),
+        ("commands", hand("\"type\":\"joint_move\",\"joints_rad\":{}"), "command_invalid", "body"),
+        ("commands", hand("\"type\":\"joint_move\",\"joints_rad\":{\"nose\":1}"), "command_invalid", "body"),
+        ("commands", hand("\"type\":\"joint_move\",\"joints_rad\":{\"leg1_hip_yaw\":1e999}"), "not_finite", "body.joints_rad.leg1_hip_yaw"),
+        ("commands", hand("\"type\":\"wheel_move\",\"leg\":\"leg1\",\"position_m\":[0,0,1e9]"), "out_of_range", "body.position_m[2]"),
+        ("commands", hand("\"type\":\"wheel_move\",\"leg\":\"leg1\",\"frame\":\"moon\",\"position_m\":[0,0,1]"), "wrong_type", "body.frame"),
+        ("commands", hand("\"type\":\"body_move\",\"translation_m\":[0,0,5]"), "command_invalid", "body"),
+        ("commands", hand("\"type\":\"mode\",\"mode\":\"party\""), "wrong_type", "body.mode"),
+        ("commands", hand("\"type\":\"sequence\",\"steps\":[]"), "command_invalid", "body"),
+        ("commands", hand(&format!("\"type\":\"sequence\",\"steps\":[{}]", many(101, "{\"body\":{\"type\":\"hold\"}}"))), "too_many", "body.steps"),
+        ("commands", hand("\"type\":\"sequence\",\"steps\":[{\"body\":{\"type\":\"stop\"}}]"), "command_invalid", "body.steps[0]"),
+        ("commands", hand("\"type\":\"sequence\",\"steps\":[{\"body\":{\"type\":\"sequence\",\"steps\":[]}}]"), "command_invalid", "body.steps[0].body"),
+        ("commands", hand("\"type\":\"sequence\",\"steps\":[{\"body\":{\"type\":\"hold\"}},{\"body\":{\"type\":\"drive_arc\",\"distance_m\":1}}]"), "command_invalid", "body.steps[1]"),
+        ("commands", waits("\"channel\":\"moon\",\"field\":\"mode\",\"op\":\"eq\",\"value\":1,\"max_age_s\":5"), "command_invalid", "preconditions[0].channel"),
+        ("commands", waits("\"channel\":\"rover/state\",\"field\":\"\",\"op\":\"eq\",\"value\":1,\"max_age_s\":5"), "out_of_range", "preconditions[0].field"),
+        ("commands", waits("\"channel\":\"rover/state\",\"field\":\"mode\",\"op\":\"like\",\"value\":1,\"max_age_s\":5"), "wrong_type", "preconditions[0].op"),
+        ("commands", waits("\"channel\":\"rover/state\",\"field\":\"mode\",\"op\":\"eq\",\"value\":[1],\"max_age_s\":5"), "command_invalid", "preconditions[0].value"),
+        ("commands", waits("\"channel\":\"rover/state\",\"field\":\"mode\",\"op\":\"eq\",\"value\":1,\"max_age_s\":-1"), "out_of_range", "preconditions[0].max_age_s"),
         ("commands", "{\"body\":{\"type\":\"stop\"},\"id\":\"one\"}".into(), "id_invalid", ""),
         ("commands/none/arm", "{}".into(), "command_unknown", ""),
         ("commands/none/send", "{}".into(), "command_unknown", ""),

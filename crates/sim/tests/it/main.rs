@@ -11,8 +11,10 @@ use sim::{BodyKnot, Command, Event, JointKnot, Motion, SettleOptions, SimRover, 
 use terrain::{ElevationMap, Source};
 
 mod cameras;
+mod drive;
 mod events;
 mod motion;
+mod operations;
 mod preload;
 mod properties;
 mod refusals;

@@ -31,6 +31,7 @@ fn standing(robot: &Robot) -> RoverTelemetry {
         mode: RoverMode::Idle,
         executing: None,
         fault: None,
+        operation: None,
     }
 }
 

@@ -7,6 +7,7 @@ import { useLive } from "../../store/console";
 import { useServerNow } from "../../store/now";
 import { useBlocked } from "../../store/permission";
 import { CommandMark } from "../commands/CommandMark";
+import { VerificationLine } from "../commands/Verification";
 
 export function HandCommands() {
   const commands = useLive((c) => c.commands);
@@ -29,6 +30,7 @@ export function HandCommands() {
                 <span className="quiet small">
                   {clock.word} {clock.waits}
                 </span>
+                <VerificationLine command={command} />
                 {failures[command.id] && (
                   <span className="trouble small">{failures[command.id]}</span>
                 )}

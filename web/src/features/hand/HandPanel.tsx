@@ -4,12 +4,13 @@ import { useState } from "react";
 
 import type { CommandBody, LegModel, Vec3 } from "../../api/types";
 import { DEG, legLabel, metres } from "../../lib/format";
-import { HAND_KEY, stageByHand, useRequests } from "../../store/commands";
+import { HAND_KEY, useRequests } from "../../store/commands";
 import { useConsole, useLive } from "../../store/console";
 import { wheelOf } from "../../store/kinematics";
-import { useBlocked } from "../../store/permission";
 import { useSelection } from "../../store/selection";
 import { HandCommands } from "./HandCommands";
+import { Operations } from "./Operations";
+import { StageButton } from "./StageButton";
 import "./hand.css";
 
 export function HandPanel() {
@@ -28,6 +29,7 @@ export function HandPanel() {
       ) : (
         <p className="section quiet">Choose a leg to move it by hand.</p>
       )}
+      <Operations />
       <section className="section row between">
         <span className="quiet small">Stop what is under way, stay idle</span>
         <StageButton body={{ type: "stop" }} label="Stage stop" testId="hand-stop" />
@@ -39,31 +41,6 @@ export function HandPanel() {
       )}
       <HandCommands />
     </>
-  );
-}
-
-function StageButton({
-  body,
-  label,
-  testId,
-}: {
-  body: CommandBody | null;
-  label: string;
-  testId: string;
-}) {
-  const blocked = useBlocked();
-  const busy = useRequests((s) => s.busy[HAND_KEY]);
-  return (
-    <button
-      type="button"
-      className="button"
-      data-testid={testId}
-      disabled={blocked !== null || body === null || busy}
-      title={blocked ?? (body === null ? "Fill in numbers within the limits" : undefined)}
-      onClick={() => body && void stageByHand(body)}
-    >
-      {label}
-    </button>
   );
 }
 

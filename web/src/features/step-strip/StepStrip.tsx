@@ -98,6 +98,21 @@ function WayToAct({ stage }: { stage: Stage }) {
 /** Words of the server's titles that are another word here. */
 const VERBS: Record<string, string> = { put: "drop", press: "preload" };
 
+/** Commands that are told by their title. */
+const BY_TITLE = new Set([
+  "joint_move",
+  "wheel_move",
+  "body_move",
+  "wheel_brake",
+  "wheel_roll",
+  "wheel_steer",
+  "drive_arc",
+  "hold",
+  "mode",
+  "sequence",
+  "cancel_rest",
+]);
+
 /** `Lift leg 2` → `Send lift to leg 2`. */
 export function sendVerb({
   body,
@@ -108,6 +123,7 @@ export function sendVerb({
   if (plan?.retreat) {
     return "leg" in body ? `Send way back to ${legLabel(body.leg)}` : "Send body shift back";
   }
+  if (BY_TITLE.has(body.type)) return `Send: ${readable(title)}`;
   const word = title.split(" ")[0]?.toLowerCase() ?? "command";
   if (word === "shift" || !("leg" in body)) return "Send body shift";
   return `Send ${VERBS[word] ?? word} to ${legLabel(body.leg)}`;

@@ -58,7 +58,8 @@ impl CommandBook {
 pub(super) fn content_hash(id: &str, command: &StageCommand) -> String {
     let StageCommand { body, plan, basis_joints_rad, basis_tolerance_rad, model_hash, .. } =
         command;
-    let content = (id, body, plan, basis_joints_rad, basis_tolerance_rad, model_hash);
+    let waits_for = &command.preconditions;
+    let content = (id, body, plan, basis_joints_rad, basis_tolerance_rad, model_hash, waits_for);
     let text = serde_json::to_vec(&content).unwrap_or_default();
     blake3::hash(&text).to_hex()[..32].to_owned()
 }
