@@ -5,6 +5,8 @@
 //! with the Jacobian J of that, so a depth has σz = z² σd / (f b): 10 mm at 2 m and 40 mm at 4 m for
 //! f = 600 px, b = 0.2 m, σd = 0.3 px.
 
+mod common;
+
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
 use crate::StereoError;
@@ -12,6 +14,8 @@ use crate::epipolar::median;
 use crate::image::ImageSize;
 use crate::matching::Disparity;
 use crate::rectification::RectifiedGeometry;
+
+pub use common::CommonErrors;
 
 /// How sure matches are, and which ranges count.
 #[derive(Debug, Clone, Copy, PartialEq)]

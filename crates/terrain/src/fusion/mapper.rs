@@ -302,11 +302,12 @@ impl Mapper {
         let settings = &self.settings;
         match input {
             Input::Prior { source, dem, time_ns } => {
-                let stamp = Stamp { time_ns: *time_ns, source: *source, is_prior: true };
+                let stamp = Stamp { time_ns: *time_ns, source: *source, is_prior: true, view: 0 };
                 blend_in(map, dem, stamp, settings, only)
             }
             Input::Pair { source, dem, time_ns, alignment } => {
-                let stamp = Stamp { time_ns: *time_ns, source: *source, is_prior: false };
+                let view = dem.view_bit();
+                let stamp = Stamp { time_ns: *time_ns, source: *source, is_prior: false, view };
                 if alignment.correction == Correction::NONE {
                     blend_in(map, dem, stamp, settings, only)
                 } else {
@@ -314,7 +315,7 @@ impl Mapper {
                 }
             }
             Input::Contact { source, position_m, normal, radius_m, variance_m2, time_ns } => {
-                let stamp = Stamp { time_ns: *time_ns, source: *source, is_prior: false };
+                let stamp = Stamp { time_ns: *time_ns, source: *source, is_prior: false, view: 0 };
                 let slope = -normal.xy() / normal.z;
                 self.within(map, position_m.xy(), *radius_m, only, &mut |cell, offset| {
                     let height = position_m.z + slope.dot(&offset);

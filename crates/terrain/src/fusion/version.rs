@@ -85,7 +85,7 @@ impl MapVersion {
     pub fn id(&self) -> VersionId {
         *self.id.get_or_init(|| {
             let mut hasher = blake3::Hasher::new();
-            hasher.update(b"footfall map 1");
+            hasher.update(b"footfall map 2");
             hasher.update(&self.resolution_m.to_bits().to_le_bytes());
             for (index, tile) in &self.tiles {
                 hasher.update(&index[0].to_le_bytes());
@@ -246,6 +246,8 @@ fn is_same(a: &Cell, b: &Cell) -> bool {
     let float = |a: f32, b: f32| a == b || (a.is_nan() && b.is_nan());
     float(a.height_m, b.height_m)
         && float(a.variance_m2, b.variance_m2)
+        && float(a.common_m2, b.common_m2)
+        && a.views == b.views
         && float(a.lower_m, b.lower_m)
         && (a.count, a.time_ns, a.source, a.flags) == (b.count, b.time_ns, b.source, b.flags)
         && (a.masked_ns, a.rival) == (b.masked_ns, b.rival)

@@ -16,6 +16,7 @@ fn point(x: f64, y: f64, z: f64, sigma: f64, tag: Tag) -> Measurement {
     Measurement {
         position_m: Point3::new(x, y, z),
         height_variance_m2: sigma * sigma,
+        common_variance_m2: 0.0,
         footprint_m: 0.0,
         tag,
     }
