@@ -331,12 +331,13 @@ pub(super) fn plane(
     })
 }
 
-/// Height (m), variance and its common part (m²) of plain ground of a map.
+/// Height (m), variance and its common part (m²) of plain ground of a map. The map is what others are
+/// brought to: what its cells have in common does not count.
 pub(super) fn of_map(map: &MapVersion) -> impl Fn([i32; 2]) -> Option<[f64; 3]> + '_ {
     let bad = Flags::MASKED | Flags::CONFLICT | Flags::MULTI | Flags::PRIOR;
     move |index| {
         let cell = map.cell(index);
         let is_plain = cell.is_ground() && !cell.flags.any(bad);
-        is_plain.then(|| [cell.height_m, cell.variance_m2, cell.common_m2].map(f64::from))
+        is_plain.then(|| [cell.height_m, cell.variance_m2, 0.0].map(f64::from))
     }
 }

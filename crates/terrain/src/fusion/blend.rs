@@ -141,10 +141,13 @@ pub(super) fn observe(cell: &mut Cell, seen: &PairCell, stamp: Stamp, settings: 
         cell.flags = cell.flags.without(Flags::MASKED);
     }
     let variance = f64::from(seen.variance_m2).max(settings.variance_min_m2);
+    let common = f64::from(seen.common_m2).clamp(0.0, variance);
+    // An imported map is one look; it repeats nothing.
+    let repeated = if stamp.is_prior { 0.0 } else { settings.repeated_share * (variance - common) };
     let new = Estimate {
         height: seen.height_m.into(),
         variance,
-        common: f64::from(seen.common_m2).clamp(0.0, variance),
+        common: common + repeated,
         views: stamp.view,
         count: seen.count.max(1),
         time_ns: stamp.time_ns,

@@ -19,7 +19,7 @@ pub struct PairCell {
     pub lower_m: f32,
     /// Variance of the height (m²).
     pub variance_m2: f32,
-    /// Part of it that is one error for all that the pair sees from there, each time it looks (m²).
+    /// Part of it that is one error for all that the pair sees, such as errors of its calibration (m²).
     pub common_m2: f32,
     /// Number of points.
     pub count: u16,

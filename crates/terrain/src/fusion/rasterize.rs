@@ -50,9 +50,6 @@ pub struct RasterizeOptions {
     /// Points that count as one observation: matching smooths over its window, so that the errors
     /// of neighboring points are the same error.
     pub correlated_points: f64,
-    /// Share of the noise of matching that the same view repeats: the same ground in the same light
-    /// misleads the matcher the same way. 0 to 1.
-    pub repeated_share: f64,
     /// Two groups of heights in a cell farther apart than this many standard deviations, and than
     /// half the resolution, are two surfaces.
     pub split_sigmas: f64,
@@ -64,7 +61,6 @@ impl Default for RasterizeOptions {
             resolution_m: 0.05,
             variance_max_m2: 0.25,
             correlated_points: 9.0,
-            repeated_share: 0.7,
             split_sigmas: 4.0,
         }
     }
@@ -165,7 +161,6 @@ fn check(points: &[Measurement], options: &RasterizeOptions) -> Result<(), Terra
     check("resolution_m", c, [1e-3, 1e3], "a length from 0.001 to 1000 m")?;
     check("variance_max_m2", options.variance_max_m2, [1e-12, 1e4], "a variance up to 1e4 m²")?;
     check("correlated_points", options.correlated_points, [1.0, 1e6], "a number of 1 or more")?;
-    check("repeated_share", options.repeated_share, [0.0, 1.0], "a share from 0 to 1")?;
     check("split_sigmas", options.split_sigmas, [1.0, 1e3], "a number from 1 to 1000")?;
     check("number of points", points.len() as f64, [1.0, POINTS_MAX as f64], "1 to 5e7 points")?;
     let limit = 0.5 * c * f64::from(INDEX_MAX);
@@ -232,7 +227,7 @@ fn cell<'a>(
         height_m: height as f32,
         lower_m: lower,
         variance_m2: (noise + common) as f32,
-        common_m2: (options.repeated_share * noise + common) as f32,
+        common_m2: common as f32,
         count: (heights.len() - upper).min(usize::from(u16::MAX)) as u16,
         flags: if is_multi { Flags::MULTI } else { Flags::NONE },
     }

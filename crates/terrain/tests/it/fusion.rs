@@ -39,7 +39,12 @@ fn pair(source: u32, seconds: i64, dem: Arc<PairDem>) -> Input {
 }
 
 fn settings() -> MapSettings {
-    MapSettings { growth_m2_s: 1e-6, variance_min_m2: 1e-9, ..MapSettings::default() }
+    MapSettings {
+        growth_m2_s: 1e-6,
+        variance_min_m2: 1e-9,
+        repeated_share: 0.0,
+        ..MapSettings::default()
+    }
 }
 
 fn built(inputs: Vec<Input>) -> Mapper {
