@@ -11,6 +11,7 @@
 //! - [`surface`]: points with covariance; [`pair`]: all of it for one pair, with its health.
 //! - [`ray`]: rays against ground and robot; [`render`]: images of simulated cameras, and their truth.
 //! - [`rig`]: the pairs of a robot; [`coverage`]: what they would see, before they are asked.
+//! - [`sag`]: how far legs sag, by what is seen of them.
 //! - [`self_mask`]: which points are the robot itself.
 
 mod cahvor;
@@ -27,6 +28,7 @@ pub mod ray;
 pub mod rectification;
 pub mod render;
 pub mod rig;
+pub mod sag;
 pub mod self_mask;
 pub mod surface;
 

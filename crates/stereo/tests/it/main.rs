@@ -5,7 +5,9 @@
 
 mod calibration;
 mod camera;
+mod campaign;
 mod images;
+mod map_truth;
 mod matching;
 mod ray;
 mod rectification;
