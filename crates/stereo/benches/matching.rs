@@ -7,7 +7,7 @@ use std::hint::black_box;
 use criterion::{Criterion, criterion_group, criterion_main};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use stereo::matching::{Matching, match_rectified};
+use stereo::matching::{Matching, Refinement, match_rectified, refine};
 use stereo::{GrayImage, ImageSize};
 
 /// Blurred noise over ground that recedes upward, with sensor noise.
@@ -140,6 +140,15 @@ fn frames(c: &mut Criterion) {
         group.sample_size(10);
         group.bench_function("one thread", |b| {
             b.iter(|| match_rectified(black_box(&left), &right, &how, &|| false).unwrap());
+        });
+        let coarse = match_rectified(&left, &right, &how, &|| false).unwrap();
+        let finer = Refinement::default();
+        group.bench_function("refinement, one thread", |b| {
+            b.iter(|| {
+                let mut disparity = coarse.clone();
+                refine(black_box(&left), &right, &mut disparity, &finer, 1, &|| false).unwrap();
+                disparity
+            });
         });
         group.bench_function("block matcher", |b| {
             b.iter(|| block_match(black_box(&left), &right, disparities));

@@ -12,6 +12,7 @@
 //! - [`ray`]: rays against ground and robot; [`render`]: images of simulated cameras, and their truth.
 //! - [`codec`]: images as PNG.
 //! - [`rig`]: the pairs of a robot; [`coverage`]: what they would see, before they are asked.
+//! - [`sag`]: how far legs sag, by what is seen of them.
 //! - [`self_mask`]: which points are the robot itself.
 
 mod cahvor;
@@ -29,6 +30,7 @@ pub mod ray;
 pub mod rectification;
 pub mod render;
 pub mod rig;
+pub mod sag;
 pub mod self_mask;
 pub mod surface;
 

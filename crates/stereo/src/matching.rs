@@ -13,6 +13,7 @@
 
 mod census;
 mod filters;
+mod refine;
 mod sgm;
 
 use std::sync::Mutex;
@@ -20,6 +21,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::StereoError;
 use crate::image::{GrayImage, ImageSize};
+
+pub use refine::{Refinement, refine};
 
 /// How to match.
 #[derive(Debug, Clone, PartialEq)]

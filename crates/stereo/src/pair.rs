@@ -4,7 +4,7 @@ use crate::StereoError;
 use crate::camera::Camera;
 use crate::epipolar::{Checked, EpipolarHealth, SparseSearch, rectify_checked};
 use crate::image::GrayImage;
-use crate::matching::{Disparity, Matching, match_rectified};
+use crate::matching::{Disparity, Matching, Refinement, match_rectified, refine};
 use crate::rectification::{RectifiedPair, RectifyOptions};
 use crate::surface::{GroundPlane, Surface, TriangulateOptions, ground_plane, triangulate};
 
@@ -17,6 +17,8 @@ pub struct PairOptions {
     pub search: SparseSearch,
     /// How they are matched.
     pub matching: Matching,
+    /// How their disparities are made finer.
+    pub refine: Refinement,
     /// How points are made.
     pub triangulate: TriangulateOptions,
 }
@@ -67,6 +69,8 @@ pub fn reconstruct(
     let Checked { rectification, images, health, health_as_calibrated, correction, .. } = checked;
     let geometry = *rectification.geometry();
     let mut disparity = match_rectified(&images.left, &images.right, &options.matching, stop)?;
+    let (how, threads) = (&options.refine, options.matching.threads);
+    refine(&images.left, &images.right, &mut disparity, how, threads, stop)?;
     let width = geometry.size.width;
     let left = eroded(width, &images.left_seen);
     let right = eroded(width, &images.right_seen);

@@ -171,6 +171,7 @@ fn of_points(bytes: &[u8], options: &ReadOptions) -> Result<ElevationMap, Terrai
     let measurement = |p: &nalgebra::Point3<f64>| Measurement {
         position_m: p - offset,
         height_variance_m2: POINT_SIGMA_M * POINT_SIGMA_M,
+        common_variance_m2: 0.0,
         footprint_m: 0.0,
         tag: Tag::Terrain,
     };

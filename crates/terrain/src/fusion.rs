@@ -1,7 +1,8 @@
 //! The map over time: elevation maps of camera pairs, aligned, blended and remembered.
 //!
 //! - [`rasterize`] makes the elevation map of one pair ([`PairDem`]) of its points;
-//! - [`align`] finds by how much it is off the map, within bounds, or says why it cannot;
+//! - [`align()`] finds by how much it is off the map, within bounds, or says why it cannot;
+//!   [`align_together`] does so for all pairs of one stand, which are off each other too;
 //! - [`Mapper`] keeps all that went into the map and gives a [`MapVersion`] after each input;
 //! - a [`MapVersion`] never changes; its tiles are shared with the versions before it, and its name
 //!   is the hash of its content.
@@ -22,6 +23,7 @@ mod pair;
 mod rasterize;
 mod settings;
 mod tile;
+mod together;
 mod version;
 
 pub use align::{AlignSettings, Alignment, Correction, Refusal, align};
@@ -30,4 +32,5 @@ pub use pair::{PairCell, PairDem};
 pub use rasterize::{Measurement, RasterizeOptions, Rasterized, Tag, rasterize};
 pub use settings::{MapSettings, ReadPolicy};
 pub use tile::{Cell, Flags, Rival, TILE, Tile};
+pub use together::align_together;
 pub use version::{Changes, MapVersion, Observed, TileIndex, VersionId};

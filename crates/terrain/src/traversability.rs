@@ -13,6 +13,7 @@
 //! a cliff hides behind its edge. Cells outside the map count as unknown.
 
 mod block;
+mod cautious;
 mod explain;
 mod judge;
 mod limits;

@@ -82,6 +82,7 @@ pub fn map_of(
     let measurement = |point: &stereo::surface::SurfacePoint| Measurement {
         position_m: point.position,
         height_variance_m2: up.dot(&(point.covariance * up)).max(1e-12),
+        common_variance_m2: 0.0,
         footprint_m: point.footprint,
         tag: match point.tag {
             Tag::Terrain => fusion::Tag::Terrain,

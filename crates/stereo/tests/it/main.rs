@@ -6,7 +6,9 @@
 mod calibration;
 mod camera;
 mod codec;
+mod campaign;
 mod images;
+mod map_truth;
 mod matching;
 mod ray;
 mod rectification;

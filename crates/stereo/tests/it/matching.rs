@@ -2,7 +2,7 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use stereo::matching::{Matching, match_rectified};
+use stereo::matching::{Matching, Refinement, match_rectified, refine};
 use stereo::{GrayImage, ImageSize, StereoError};
 
 use crate::camera::size;
@@ -85,9 +85,56 @@ fn the_motorcycle_meets_its_gate() {
     assert!(invalid <= 6.0, "{invalid}");
     assert!(bad_2 <= 3.7, "{bad_2}");
     assert!(rms <= 0.52, "{rms}");
+    let mut finer = disparity.clone();
+    refine(&left, &right, &mut finer, &Refinement::default(), 1, &never).unwrap();
+    let f = quality(left.size(), &truth, &finer.values());
+    println!("  refined: bad-2 {:.2} %, bad-1 {:.2} %, rms {:.3} px", f.bad_2, f.bad_1, f.rms);
+    assert!(f.invalid == invalid && f.bad_2 <= bad_2 + 0.1 && f.bad_1 < bad_1 && f.rms < rms);
     // A matcher that gave the left image for the right one would have no disparity at all.
     let same = match_rectified(&left, &left, &how, &never).unwrap();
     assert!(quality(left.size(), &truth, &same.values()).bad_2 > 99.0);
+}
+
+#[test]
+fn refined_disparities_do_not_lag_behind_ground_that_comes_nearer() {
+    let (size, texture) = (size(320, 240), texture(3));
+    // Ground below the cameras: the disparity grows from row to row, and the right camera is brighter.
+    let truth = |y: f64| 8.0 + 0.2 * y;
+    let left = image(size, |x, y| texture(x, 2.0 * y));
+    let right = image(size, |x, y| 0.97 * texture(x + truth(y), 2.0 * y) + 9.0);
+    let how = Matching { disparities: 64, ..Matching::default() };
+    let coarse = match_rectified(&left, &right, &how, &never).unwrap();
+    let refined = |threads: usize| {
+        let mut finer = coarse.clone();
+        refine(&left, &right, &mut finer, &Refinement::default(), threads, &never).unwrap();
+        finer
+    };
+    let finer = refined(1);
+    assert_eq!(finer, refined(3), "threads change no bit");
+    let miss = |found: &stereo::matching::Disparity| {
+        let (mut n, mut sum, mut squares) = (0.0, 0.0, 0.0);
+        for y in 8..232 {
+            for x in 70..310 {
+                if let Some(d) = found.at(x, y) {
+                    let miss = f64::from(d) - truth(y as f64);
+                    (n, sum, squares) = (n + 1.0, sum + miss, squares + miss * miss);
+                }
+            }
+        }
+        assert!(n > 0.9 * 224.0 * 240.0);
+        (sum / n, f64::sqrt(squares / n))
+    };
+    let (before, after) = (miss(&coarse), miss(&finer));
+    println!("bias and rms (px): {before:.3?}, refined {after:.3?}");
+    assert!(before.0.abs() > 0.05, "there is something to mend: {before:?}");
+    assert!(after.0.abs() < 0.01 && after.1 < 0.06, "{after:?}");
+    let mut same = coarse.clone();
+    let none = Refinement { rounds: 0, ..Refinement::default() };
+    refine(&left, &right, &mut same, &none, 1, &never).unwrap();
+    assert_eq!(same, coarse);
+    let wide = Refinement { half: 99, ..none };
+    let refused = refine(&left, &right, &mut same, &wide, 1, &never).unwrap_err();
+    assert!(refused.to_string().contains("half is 99"), "{refused}");
 }
 
 /// Smooth texture of two octaves over a plane, from noise on a lattice.

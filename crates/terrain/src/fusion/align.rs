@@ -11,7 +11,7 @@ use crate::TerrainError;
 
 const ITERATIONS: usize = 30;
 /// Residuals beyond this many standard deviations count less.
-const HUBER: f64 = 2.0;
+pub(super) const HUBER: f64 = 2.0;
 /// Steps below this (m, rad) end the search.
 const STEP_MIN: f64 = 1e-6;
 
@@ -26,6 +26,10 @@ pub struct AlignSettings {
     pub shift_sigma_m: f64,
     /// Standard deviation of the turn before anything is seen (rad).
     pub yaw_sigma_rad: f64,
+    /// The same of a pair against the others of its stand, where several are aligned together (m).
+    pub pair_shift_sigma_m: f64,
+    /// The same of its turn (rad).
+    pub pair_yaw_sigma_rad: f64,
     /// Fewest cells that both know.
     pub cells_min: usize,
     /// Most cells that are used, evenly spread.
@@ -41,6 +45,8 @@ impl Default for AlignSettings {
             yaw_max_rad: 2.0_f64.to_radians(),
             shift_sigma_m: 0.05,
             yaw_sigma_rad: 0.6_f64.to_radians(),
+            pair_shift_sigma_m: 0.01,
+            pair_yaw_sigma_rad: 0.2_f64.to_radians(),
             cells_min: 200,
             cells_max: 20_000,
             correlated_cells: 9.0,
@@ -49,12 +55,14 @@ impl Default for AlignSettings {
 }
 
 impl AlignSettings {
-    fn check(&self) -> Result<(), TerrainError> {
+    pub(super) fn check(&self) -> Result<(), TerrainError> {
         let check = TerrainError::check;
         check("shift_max_m", self.shift_max_m, [0.0, 10.0], "a length up to 10 m")?;
         check("yaw_max_rad", self.yaw_max_rad, [0.0, 0.5], "an angle up to 0.5 rad")?;
         check("shift_sigma_m", self.shift_sigma_m, [1e-6, 10.0], "a length up to 10 m")?;
         check("yaw_sigma_rad", self.yaw_sigma_rad, [1e-6, 1.0], "an angle up to 1 rad")?;
+        check("pair_shift_sigma_m", self.pair_shift_sigma_m, [1e-6, 10.0], "a length up to 10 m")?;
+        check("pair_yaw_sigma_rad", self.pair_yaw_sigma_rad, [1e-6, 1.0], "an angle up to 1 rad")?;
         check("cells_min", self.cells_min as f64, [10.0, 1e9], "10 cells or more")?;
         check("cells_max", self.cells_max as f64, [10.0, 1e9], "10 cells or more")?;
         check("correlated_cells", self.correlated_cells, [1.0, 1e6], "1 cell or more")?;
@@ -258,7 +266,7 @@ fn fit(points: &[(Point3<f64>, f64)], map: &MapVersion, at: &Correction) -> Fit 
     let mut fit = Fit { normal: Matrix4::zeros(), right: Vector4::zeros(), rms: 0.0, cells: 0 };
     for (p, variance) in points {
         let moved = at.apply(*p);
-        let Some(plane) = plane(map, moved.xy()) else { continue };
+        let Some(plane) = plane(&of_map(map), map.resolution_m(), moved.xy()) else { continue };
         let [a, b] = plane.gradient;
         let scale = 1.0 / (1.0 + a * a + b * b);
         let residual = plane.height - moved.z;
@@ -279,33 +287,37 @@ fn fit(points: &[(Point3<f64>, f64)], map: &MapVersion, at: &Correction) -> Fit 
     fit
 }
 
-struct Plane {
+/// Ground about a place.
+pub(super) struct Plane {
     /// At the asked place (m).
-    height: f64,
-    gradient: [f64; 2],
+    pub height: f64,
+    pub gradient: [f64; 2],
     /// Of the height, what the plane does not explain included (m²).
-    variance: f64,
+    pub variance: f64,
+    /// The part of it that is common to all cells there (m²).
+    pub common: f64,
 }
 
-/// The plane through the nine cells around a place, if all are plain ground.
-fn plane(map: &MapVersion, p: Point2<f64>) -> Option<Plane> {
-    let c = map.resolution_m();
+/// The plane through the nine cells around a place, if all are plain ground: of these `cell` tells height (m),
+/// variance and its common part (m²).
+pub(super) fn plane(
+    cell: &dyn Fn([i32; 2]) -> Option<[f64; 3]>,
+    c: f64,
+    p: Point2<f64>,
+) -> Option<Plane> {
     let (ix, iy) = ((p.x / c).round() as i32, (p.y / c).round() as i32);
-    let (mut z, mut zx, mut zy, mut zz, mut variance) = (0.0, 0.0, 0.0, 0.0, 0.0);
-    let reference = f64::from(map.cell([ix, iy]).height_m);
-    let bad = Flags::MASKED | Flags::CONFLICT | Flags::MULTI | Flags::PRIOR;
+    let (mut z, mut zx, mut zy, mut zz, mut own, mut common) = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    let reference = cell([ix, iy])?[0];
     for k in 0..9 {
         let (dx, dy) = (k % 3 - 1, k / 3 - 1);
-        let cell = map.cell([ix + dx, iy + dy]);
-        if !cell.is_ground() || cell.flags.any(bad) {
-            return None;
-        }
-        let h = f64::from(cell.height_m) - reference;
+        let [height, variance, shared] = cell([ix + dx, iy + dy])?;
+        let h = height - reference;
         z += h;
         zx += h * f64::from(dx);
         zy += h * f64::from(dy);
         zz += h * h;
-        variance += f64::from(cell.variance_m2);
+        own += variance - shared;
+        common += shared;
     }
     let (mean, a, b) = (z / 9.0, zx / 6.0, zy / 6.0);
     let unexplained = (zz / 9.0 - mean * mean - (a * a + b * b) * 6.0 / 9.0).max(0.0);
@@ -313,6 +325,19 @@ fn plane(map: &MapVersion, p: Point2<f64>) -> Option<Plane> {
     Some(Plane {
         height: reference + mean + a * u + b * v,
         gradient: [a / c, b / c],
-        variance: variance / 9.0 + unexplained,
+        // Neighbors share their errors, so their mean is not taken to lessen them.
+        variance: (own + common) / 9.0 + unexplained,
+        common: common / 9.0,
     })
+}
+
+/// Height (m), variance and its common part (m²) of plain ground of a map. The map is what others are
+/// brought to: what its cells have in common does not count.
+pub(super) fn of_map(map: &MapVersion) -> impl Fn([i32; 2]) -> Option<[f64; 3]> + '_ {
+    let bad = Flags::MASKED | Flags::CONFLICT | Flags::MULTI | Flags::PRIOR;
+    move |index| {
+        let cell = map.cell(index);
+        let is_plain = cell.is_ground() && !cell.flags.any(bad);
+        is_plain.then(|| [cell.height_m, cell.variance_m2, 0.0].map(f64::from))
+    }
 }

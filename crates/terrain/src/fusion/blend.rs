@@ -9,6 +9,8 @@ pub(super) struct Stamp {
     pub source: u32,
     /// True for an imported map.
     pub is_prior: bool,
+    /// Which viewpoint, as one bit.
+    pub view: u32,
 }
 
 /// A height with its variance at its own time.
@@ -16,6 +18,9 @@ pub(super) struct Stamp {
 struct Estimate {
     height: f64,
     variance: f64,
+    /// Part of it that is one error for all that a view tells, now and again.
+    common: f64,
+    views: u32,
     count: u16,
     time_ns: i64,
     source: u32,
@@ -37,13 +42,28 @@ impl Estimate {
         (a, b, (self.height - other.height).powi(2) <= gate)
     }
 
-    /// The two as one (information filter).
+    /// The two as one: the best linear estimate of both. Their common errors count as independent where
+    /// no view is in both, else as one and the same: a view that looks again wins nothing against what it
+    /// gets wrong each time.
     fn with(&self, other: &Estimate, settings: &MapSettings) -> Estimate {
         let (a, b, _) = self.compare(other, settings);
         let newer = if other.time_ns >= self.time_ns { other } else { self };
+        let (a_own, b_own) = (a - self.common, b - other.common);
+        let (a_std, b_std) = (self.common.sqrt(), other.common.sqrt());
+        let (weight, common) = if self.views & other.views == 0 {
+            let w = a / (a + b);
+            (w, (1.0 - w).powi(2) * self.common + w * w * other.common)
+        } else {
+            let d = b_std - a_std;
+            let w = ((a_own - a_std * d) / (a_own + b_own + d * d)).clamp(0.0, 1.0);
+            (w, ((1.0 - w) * a_std + w * b_std).powi(2))
+        };
+        let own = (1.0 - weight).powi(2) * a_own + weight * weight * b_own;
         Estimate {
-            height: (self.height * b + other.height * a) / (a + b),
-            variance: (a * b / (a + b)).max(settings.variance_min_m2),
+            height: self.height + weight * (other.height - self.height),
+            variance: (own + common).max(settings.variance_min_m2),
+            common,
+            views: self.views | other.views,
             count: self.count.saturating_add(other.count),
             time_ns: newer.time_ns,
             source: newer.source,
@@ -54,6 +74,8 @@ impl Estimate {
         Estimate {
             height: rival.height_m.into(),
             variance: rival.variance_m2.into(),
+            common: f64::from(rival.common_m2).min(rival.variance_m2.into()),
+            views: rival.views,
             count: rival.count,
             time_ns: rival.time_ns,
             source: rival.source,
@@ -64,6 +86,8 @@ impl Estimate {
         Estimate {
             height: cell.height_m.into(),
             variance: cell.variance_m2.into(),
+            common: f64::from(cell.common_m2).min(cell.variance_m2.into()),
+            views: cell.views,
             count: cell.count,
             time_ns: cell.time_ns,
             source: cell.source,
@@ -74,6 +98,8 @@ impl Estimate {
         Rival {
             height_m: self.height as f32,
             variance_m2: self.variance as f32,
+            common_m2: self.common as f32,
+            views: self.views,
             count: self.count,
             time_ns: self.time_ns,
             source: self.source,
@@ -83,6 +109,8 @@ impl Estimate {
     fn into_cell(self, cell: &mut Cell) {
         cell.height_m = self.height as f32;
         cell.variance_m2 = self.variance as f32;
+        cell.common_m2 = self.common as f32;
+        cell.views = self.views;
         cell.count = self.count;
         cell.time_ns = self.time_ns;
         cell.source = self.source;
@@ -112,9 +140,15 @@ pub(super) fn observe(cell: &mut Cell, seen: &PairCell, stamp: Stamp, settings: 
     if !stamp.is_prior && stamp.time_ns >= cell.masked_ns {
         cell.flags = cell.flags.without(Flags::MASKED);
     }
+    let variance = f64::from(seen.variance_m2).max(settings.variance_min_m2);
+    let common = f64::from(seen.common_m2).clamp(0.0, variance);
+    // An imported map is one look; it repeats nothing.
+    let repeated = if stamp.is_prior { 0.0 } else { settings.repeated_share * (variance - common) };
     let new = Estimate {
         height: seen.height_m.into(),
-        variance: f64::from(seen.variance_m2).max(settings.variance_min_m2),
+        variance,
+        common: common + repeated,
+        views: stamp.view,
         count: seen.count.max(1),
         time_ns: stamp.time_ns,
         source: stamp.source,
@@ -174,6 +208,8 @@ pub(super) fn touch(cell: &mut Cell, height: f64, variance: f64, stamp: Stamp) {
     *cell = Cell {
         height_m: height as f32,
         variance_m2: variance as f32,
+        common_m2: 0.0,
+        views: 0,
         count: cell.count.saturating_add(1),
         time_ns: stamp.time_ns,
         source: stamp.source,

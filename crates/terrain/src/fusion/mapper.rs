@@ -10,6 +10,7 @@ use super::tile::TILE;
 use super::version::{INDEX_MAX, TileIndex, locate};
 use super::{
     AlignSettings, Alignment, Cell, Correction, Flags, MapSettings, MapVersion, PairDem, align,
+    align_together,
 };
 use crate::TerrainError;
 
@@ -153,6 +154,25 @@ impl Mapper {
         let alignment = align(&dem, &self.version, settings)?;
         self.push(Input::Pair { source, dem, time_ns, alignment: alignment.clone() })?;
         Ok(alignment)
+    }
+
+    /// Aligns pairs that were taken from one place with each other and with the map as it is, within bounds, and
+    /// blends them in. Refused, and nothing changed, as by [`Mapper::push`].
+    pub fn add_pairs(
+        &mut self,
+        pairs: Vec<(u32, Arc<PairDem>)>,
+        time_ns: i64,
+        settings: &AlignSettings,
+    ) -> Result<Vec<Alignment>, TerrainError> {
+        pairs.iter().try_for_each(|(_, dem)| self.check_resolution(dem))?;
+        let dems: Vec<&PairDem> = pairs.iter().map(|(_, dem)| dem.as_ref()).collect();
+        let alignments = align_together(&dems, &self.version, settings)?;
+        let mut next = self.clone();
+        for ((source, dem), alignment) in pairs.into_iter().zip(&alignments) {
+            next.push(Input::Pair { source, dem, time_ns, alignment: alignment.clone() })?;
+        }
+        *self = next;
+        Ok(alignments)
     }
 
     /// Adds an input. Refused, and nothing changed, where its source is in the map already, its
@@ -302,11 +322,12 @@ impl Mapper {
         let settings = &self.settings;
         match input {
             Input::Prior { source, dem, time_ns } => {
-                let stamp = Stamp { time_ns: *time_ns, source: *source, is_prior: true };
+                let stamp = Stamp { time_ns: *time_ns, source: *source, is_prior: true, view: 0 };
                 blend_in(map, dem, stamp, settings, only)
             }
             Input::Pair { source, dem, time_ns, alignment } => {
-                let stamp = Stamp { time_ns: *time_ns, source: *source, is_prior: false };
+                let view = dem.view_bit();
+                let stamp = Stamp { time_ns: *time_ns, source: *source, is_prior: false, view };
                 if alignment.correction == Correction::NONE {
                     blend_in(map, dem, stamp, settings, only)
                 } else {
@@ -314,7 +335,7 @@ impl Mapper {
                 }
             }
             Input::Contact { source, position_m, normal, radius_m, variance_m2, time_ns } => {
-                let stamp = Stamp { time_ns: *time_ns, source: *source, is_prior: false };
+                let stamp = Stamp { time_ns: *time_ns, source: *source, is_prior: false, view: 0 };
                 let slope = -normal.xy() / normal.z;
                 self.within(map, position_m.xy(), *radius_m, only, &mut |cell, offset| {
                     let height = position_m.z + slope.dot(&offset);

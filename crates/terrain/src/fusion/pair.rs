@@ -19,6 +19,8 @@ pub struct PairCell {
     pub lower_m: f32,
     /// Variance of the height (m²).
     pub variance_m2: f32,
+    /// Part of it that is one error for all that the pair sees, such as errors of its calibration (m²).
+    pub common_m2: f32,
     /// Number of points.
     pub count: u16,
     /// [`Flags::ROBOT`], [`Flags::SHADOW_BAND`], [`Flags::MULTI`].
@@ -31,6 +33,7 @@ impl PairCell {
         height_m: f32::NAN,
         lower_m: f32::NAN,
         variance_m2: f32::NAN,
+        common_m2: 0.0,
         count: 0,
         flags: Flags::NONE,
     };
@@ -48,6 +51,7 @@ pub struct PairDem {
     origin: [i32; 2],
     nx: usize,
     cells: Vec<PairCell>,
+    view: u32,
 }
 
 impl PairDem {
@@ -67,7 +71,7 @@ impl PairDem {
             && cells.len() <= MAX_NODES
             && near(origin[0], nx)
             && near(origin[1], cells.len() / nx);
-        fits.then_some(PairDem { resolution_m, origin, nx, cells })
+        fits.then_some(PairDem { resolution_m, origin, nx, cells, view: 0 })
     }
 
     /// An imported map as seen with one standard deviation everywhere, resampled to the lattice.
@@ -100,12 +104,25 @@ impl PairDem {
                     height_m: z as f32,
                     lower_m: f32::NAN,
                     variance_m2: (sigma_m * sigma_m) as f32,
+                    common_m2: 0.0,
                     count: 1,
                     flags: Flags::NONE,
                 }));
             }
         }
-        Ok(PairDem { resolution_m, origin: [x0 as i32, y0 as i32], nx, cells })
+        Ok(PairDem { resolution_m, origin: [x0 as i32, y0 as i32], nx, cells, view: 0 })
+    }
+
+    /// The same, seen from a view: what has the same number errs the same way each time. Give all that
+    /// one camera pair sees one number; at least 32 in a row are told apart. All is view 0 unless told.
+    #[must_use]
+    pub fn seen_from(self, view: u32) -> PairDem {
+        PairDem { view, ..self }
+    }
+
+    /// The view as one bit.
+    pub(super) fn view_bit(&self) -> u32 {
+        1 << (self.view % 32)
     }
 
     /// Distance of the nodes (m).
@@ -179,7 +196,7 @@ impl PairDem {
                 cells.push(lift(&self.sample(p)));
             }
         }
-        PairDem { resolution_m: c, origin: [x0, y0], nx, cells }
+        PairDem { resolution_m: c, origin: [x0, y0], nx, cells, view: self.view }
     }
 
     /// Lattice indices of the first and the last cell.
@@ -231,6 +248,7 @@ impl PairDem {
             height_m: mean(|cell| cell.height_m),
             // Neighbors share their errors, so averaging is not taken to reduce them.
             variance_m2: mean(|cell| cell.variance_m2),
+            common_m2: mean(|cell| cell.common_m2),
             ..nearest
         }
     }

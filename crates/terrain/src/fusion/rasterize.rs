@@ -31,6 +31,9 @@ pub struct Measurement {
     pub position_m: Point3<f64>,
     /// Variance of its height, given the slope there (m²).
     pub height_variance_m2: f64,
+    /// Variance of its height by what all points of the view have in common, such as errors of the
+    /// calibration; comes on top (m²).
+    pub common_variance_m2: f64,
     /// Width of one pixel on the ground (m); 0 where that is not known.
     pub footprint_m: f64,
     /// What it is of.
@@ -167,6 +170,7 @@ fn check(points: &[Measurement], options: &RasterizeOptions) -> Result<(), Terra
             ("position_m.y", p.position_m.y, [-limit, limit]),
             ("position_m.z", p.position_m.z, [-1e7, 1e7]),
             ("height_variance_m2", p.height_variance_m2, [1e-12, f64::INFINITY]),
+            ("common_variance_m2", p.common_variance_m2, [0.0, 1e6]),
             ("footprint_m", p.footprint_m, [0.0, 1e3 * c]),
         ];
         for (field, value, [low, high]) in values {
@@ -178,17 +182,35 @@ fn check(points: &[Measurement], options: &RasterizeOptions) -> Result<(), Terra
     Ok(())
 }
 
+/// The height of a point (m), with its variances (m²).
+struct Height {
+    z: f64,
+    variance: f64,
+    common: f64,
+}
+
+/// The height of a cell (m), with its variances (m²).
+struct Mean {
+    height: f64,
+    noise: f64,
+    common: f64,
+}
+
 /// One cell from its points.
 fn cell<'a>(
     points: impl Iterator<Item = &'a Measurement>,
     options: &RasterizeOptions,
-    heights: &mut Vec<(f64, f64)>,
+    heights: &mut Vec<Height>,
 ) -> PairCell {
     heights.clear();
     let mut mask = Flags::NONE;
     for p in points {
         match p.tag {
-            Tag::Terrain => heights.push((p.position_m.z, p.height_variance_m2)),
+            Tag::Terrain => heights.push(Height {
+                z: p.position_m.z,
+                variance: p.height_variance_m2,
+                common: p.common_variance_m2,
+            }),
             Tag::Robot => mask |= Flags::ROBOT,
             Tag::ShadowBand => mask |= Flags::SHADOW_BAND,
         }
@@ -196,38 +218,46 @@ fn cell<'a>(
     if heights.is_empty() {
         return PairCell { flags: mask, ..PairCell::EMPTY };
     }
-    heights.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    heights.sort_by(|a, b| a.z.total_cmp(&b.z).then(a.variance.total_cmp(&b.variance)));
     let upper = split(heights, options);
-    let (height, variance) = mean(&heights[upper..], options.correlated_points);
+    let Mean { height, noise, common } = mean(&heights[upper..], options.correlated_points);
     let is_multi = upper > 0;
-    let lower = if is_multi { mean(&heights[..upper], 1.0).0 as f32 } else { f32::NAN };
+    let lower = if is_multi { mean(&heights[..upper], 1.0).height as f32 } else { f32::NAN };
     PairCell {
         height_m: height as f32,
         lower_m: lower,
-        variance_m2: variance as f32,
+        variance_m2: (noise + common) as f32,
+        common_m2: common as f32,
         count: (heights.len() - upper).min(usize::from(u16::MAX)) as u16,
         flags: if is_multi { Flags::MULTI } else { Flags::NONE },
     }
 }
 
 /// Where the upper of two groups of sorted heights begins; 0 if there is one group.
-fn split(heights: &[(f64, f64)], options: &RasterizeOptions) -> usize {
+fn split(heights: &[Height], options: &RasterizeOptions) -> usize {
     if heights.len() < 4 {
         return 0;
     }
-    let sigma2 = heights.iter().map(|(_, s2)| s2).sum::<f64>() / heights.len() as f64;
+    let sigma2 = heights.iter().map(|h| h.variance).sum::<f64>() / heights.len() as f64;
     let least = (options.split_sigmas * sigma2.sqrt()).max(0.5 * options.resolution_m);
-    let gaps = (2..heights.len() - 1).map(|i| (heights[i].0 - heights[i - 1].0, i));
+    let gaps = (2..heights.len() - 1).map(|i| (heights[i].z - heights[i - 1].z, i));
     let widest = gaps.fold((least, 0), |best, gap| if gap.0 > best.0 { gap } else { best });
     widest.1
 }
 
-/// Weighted mean of heights (m) and its variance (m²), where `correlated` points have one error.
-fn mean(heights: &[(f64, f64)], correlated: f64) -> (f64, f64) {
-    let (mut weight, mut sum) = (0.0, 0.0);
-    for (z, variance) in heights {
-        weight += 1.0 / variance;
-        sum += z / variance;
+/// Weighted mean of heights, where `correlated` points have one error of matching. What is common to
+/// all of them no mean lessens.
+fn mean(heights: &[Height], correlated: f64) -> Mean {
+    let (mut weight, mut sum, mut common) = (0.0, 0.0, 0.0);
+    for h in heights {
+        let w = 1.0 / h.variance;
+        weight += w;
+        sum += h.z * w;
+        common += h.common.sqrt() * w;
     }
-    (sum / weight, correlated.min(heights.len() as f64) / weight)
+    Mean {
+        height: sum / weight,
+        noise: correlated.min(heights.len() as f64) / weight,
+        common: (common / weight).powi(2),
+    }
 }

@@ -11,6 +11,9 @@ pub struct MapSettings {
     pub gate_sigmas: f64,
     /// Growth of variance with age, q_t (m²/s).
     pub growth_m2_s: f64,
+    /// Share of the noise of a height that the same view repeats, 0 to 1: the same ground in the same
+    /// light misleads the matcher the same way.
+    pub repeated_share: f64,
     /// No cell is known better than this (m²): points of one pair share errors.
     pub variance_min_m2: f64,
     /// Most tiles of a map; an input that needs more is refused.
@@ -23,6 +26,7 @@ impl Default for MapSettings {
             resolution_m: 0.05,
             gate_sigmas: 3.0,
             growth_m2_s: 1e-9,
+            repeated_share: 0.7,
             variance_min_m2: 4e-6,
             tiles_max: 256,
         }
@@ -36,6 +40,7 @@ impl MapSettings {
         check("resolution_m", self.resolution_m, [1e-3, 1e3], "a length from 0.001 to 1000 m")?;
         check("gate_sigmas", self.gate_sigmas, [0.5, 100.0], "a number from 0.5 to 100")?;
         check("growth_m2_s", self.growth_m2_s, [0.0, 1.0], "a growth from 0 to 1 m²/s")?;
+        check("repeated_share", self.repeated_share, [0.0, 1.0], "a share from 0 to 1")?;
         let expected = "a variance from 1e-12 to 1 m²";
         check("variance_min_m2", self.variance_min_m2, [1e-12, 1.0], expected)?;
         check("tiles_max", self.tiles_max as f64, [1.0, 4096.0], "a number from 1 to 4096")?;

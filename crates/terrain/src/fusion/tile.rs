@@ -62,6 +62,10 @@ pub struct Rival {
     pub height_m: f32,
     /// Variance at its capture (m²).
     pub variance_m2: f32,
+    /// As [`Cell::common_m2`].
+    pub common_m2: f32,
+    /// As [`Cell::views`].
+    pub views: u32,
     /// Observations that say so.
     pub count: u16,
     /// Capture time on the on-board clock (ns).
@@ -77,6 +81,10 @@ pub struct Cell {
     pub height_m: f32,
     /// Variance of the height at its capture time (m²).
     pub variance_m2: f32,
+    /// Part of it that the views share with themselves: looking again from there does not lessen it (m²).
+    pub common_m2: f32,
+    /// Views that went into the height, a bit each ([`PairDem::seen_from`](super::PairDem::seen_from)).
+    pub views: u32,
     /// Observations that went into the height.
     pub count: u16,
     /// Capture time of the newest of them, on the on-board clock (ns).
@@ -98,6 +106,8 @@ impl Cell {
     pub const UNKNOWN: Cell = Cell {
         height_m: f32::NAN,
         variance_m2: f32::NAN,
+        common_m2: 0.0,
+        views: 0,
         count: 0,
         time_ns: i64::MIN,
         source: 0,
@@ -125,6 +135,8 @@ struct Extra {
 pub struct Tile {
     height: Vec<f32>,
     variance: Vec<f32>,
+    common: Vec<f32>,
+    views: Vec<u32>,
     count: Vec<u16>,
     time: Vec<i64>,
     source: Vec<u32>,
@@ -140,6 +152,8 @@ impl Default for Tile {
         Tile {
             height: vec![unknown.height_m; CELLS],
             variance: vec![unknown.variance_m2; CELLS],
+            common: vec![0.0; CELLS],
+            views: vec![0; CELLS],
             count: vec![0; CELLS],
             time: vec![unknown.time_ns; CELLS],
             source: vec![0; CELLS],
@@ -159,6 +173,8 @@ impl Tile {
         Cell {
             height_m: self.height[i],
             variance_m2: self.variance[i],
+            common_m2: self.common[i],
+            views: self.views[i],
             count: self.count[i],
             time_ns: self.time[i],
             source: self.source[i],
@@ -179,6 +195,8 @@ impl Tile {
         let i = y * TILE + x;
         self.height[i] = cell.height_m;
         self.variance[i] = cell.variance_m2;
+        self.common[i] = cell.common_m2;
+        self.views[i] = cell.views;
         self.count[i] = cell.count;
         self.time[i] = cell.time_ns;
         self.source[i] = cell.source;
@@ -201,9 +219,11 @@ impl Tile {
     /// All that the tile holds, little-endian, layer by layer; every unknown is the same NaN.
     pub fn to_bytes(&self) -> Vec<u8> {
         let float = |z: &f32| if z.is_nan() { f32::NAN } else { *z + 0.0 }.to_bits().to_le_bytes();
-        let mut bytes = Vec::with_capacity(CELLS * 31 + 40 * self.extras.len());
+        let mut bytes = Vec::with_capacity(CELLS * 39 + 48 * self.extras.len());
         bytes.extend(self.height.iter().flat_map(float));
         bytes.extend(self.variance.iter().flat_map(float));
+        bytes.extend(self.common.iter().flat_map(float));
+        bytes.extend(self.views.iter().flat_map(|v| v.to_le_bytes()));
         bytes.extend(self.count.iter().flat_map(|v| v.to_le_bytes()));
         bytes.extend(self.time.iter().flat_map(|v| v.to_le_bytes()));
         bytes.extend(self.source.iter().flat_map(|v| v.to_le_bytes()));
@@ -215,6 +235,8 @@ impl Tile {
             if let Some(rival) = &extra.rival {
                 bytes.extend(float(&rival.height_m));
                 bytes.extend(float(&rival.variance_m2));
+                bytes.extend(float(&rival.common_m2));
+                bytes.extend(rival.views.to_le_bytes());
                 bytes.extend(rival.count.to_le_bytes());
                 bytes.extend(rival.time_ns.to_le_bytes());
                 bytes.extend(rival.source.to_le_bytes());

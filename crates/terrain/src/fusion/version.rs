@@ -55,6 +55,8 @@ pub struct Observed {
     pub map: ElevationMap,
     /// How far each known cell is to be trusted, 0 to 1 (see [`MapVersion::elevation`]).
     pub trust: Raster<f32>,
+    /// Standard deviation of each known height at its capture (m); NaN elsewhere.
+    pub sigma_m: Raster<f32>,
 }
 
 impl Changes {
@@ -85,7 +87,7 @@ impl MapVersion {
     pub fn id(&self) -> VersionId {
         *self.id.get_or_init(|| {
             let mut hasher = blake3::Hasher::new();
-            hasher.update(b"footfall map 1");
+            hasher.update(b"footfall map 2");
             hasher.update(&self.resolution_m.to_bits().to_le_bytes());
             for (index, tile) in &self.tiles {
                 hasher.update(&index[0].to_le_bytes());
@@ -169,6 +171,7 @@ impl MapVersion {
         let unknown = vec![f32::NAN; grid.len()];
         let mut heights = Raster::new(grid, unknown).ok_or(TerrainError::NoKnownHeight)?;
         let mut trust = Raster::from_fn(grid, |_, _| 0.0_f32);
+        let mut sigma_m = Raster::from_fn(grid, |_, _| f32::NAN);
         for (index, tile) in &self.tiles {
             let first = [(index[0] - x0) as usize * TILE, (index[1] - y0) as usize * TILE];
             for y in 0..TILE {
@@ -183,11 +186,12 @@ impl MapVersion {
                     let often = (f64::from(seen) / 4.0).min(1.0);
                     let i = grid.index(first[0] + x, first[1] + y);
                     heights.values_mut()[i] = height;
+                    sigma_m.values_mut()[i] = f64::from(cell.variance_m2).sqrt() as f32;
                     trust.values_mut()[i] = (often * (-age_s / tau_s).exp()) as f32;
                 }
             }
         }
-        Ok(Observed { map: ElevationMap::new(heights, source), trust })
+        Ok(Observed { map: ElevationMap::new(heights, source), trust, sigma_m })
     }
 
     /// What differs from an older version. Tiles that both share are not looked into.
@@ -246,6 +250,8 @@ fn is_same(a: &Cell, b: &Cell) -> bool {
     let float = |a: f32, b: f32| a == b || (a.is_nan() && b.is_nan());
     float(a.height_m, b.height_m)
         && float(a.variance_m2, b.variance_m2)
+        && float(a.common_m2, b.common_m2)
+        && a.views == b.views
         && float(a.lower_m, b.lower_m)
         && (a.count, a.time_ns, a.source, a.flags) == (b.count, b.time_ns, b.source, b.flags)
         && (a.masked_ns, a.rival) == (b.masked_ns, b.rival)

@@ -19,6 +19,7 @@ fn ground(height: f32, sigma: f32) -> PairCell {
         height_m: height,
         lower_m: f32::NAN,
         variance_m2: sigma * sigma,
+        common_m2: 0.0,
         count: 1,
         flags: Flags::NONE,
     }
@@ -38,7 +39,12 @@ fn pair(source: u32, seconds: i64, dem: Arc<PairDem>) -> Input {
 }
 
 fn settings() -> MapSettings {
-    MapSettings { growth_m2_s: 1e-6, variance_min_m2: 1e-9, ..MapSettings::default() }
+    MapSettings {
+        growth_m2_s: 1e-6,
+        variance_min_m2: 1e-9,
+        repeated_share: 0.0,
+        ..MapSettings::default()
+    }
 }
 
 fn built(inputs: Vec<Input>) -> Mapper {
@@ -101,6 +107,49 @@ fn found_mean(cells: &[PairCell]) -> f32 {
     let weights: f64 = cells.iter().map(|c| 1.0 / f64::from(c.variance_m2)).sum();
     let sum: f64 = cells.iter().map(|c| f64::from(c.height_m) / f64::from(c.variance_m2)).sum();
     (sum / weights) as f32
+}
+
+/// Mean of (error / sigma)² of a cell after looks by views in this order, each with an error of its own
+/// that it repeats.
+fn normalized(views: &[u32], own: f32, common: f32, says: f32) -> f64 {
+    let mut rng = ChaCha8Rng::seed_from_u64(9);
+    let mut normal = || (0..12).map(|_| rng.random::<f32>()).sum::<f32>() - 6.0;
+    // Each cell is a world of its own.
+    let n = 3000;
+    let repeated: Vec<[f32; 4]> = (0..n).map(|_| [0; 4].map(|_| common * normal())).collect();
+    let look = |(i, view): (usize, &u32)| {
+        let seen = |of: &[f32; 4]| PairCell {
+            variance_m2: own * own + common * common,
+            common_m2: says * common * common,
+            ..ground(of[*view as usize] + own * normal(), 0.0)
+        };
+        let cells = repeated.iter().map(seen).collect();
+        let dem = PairDem::new(0.05, [0, 0], 60, cells).unwrap().seen_from(*view);
+        pair(i as u32, 0, Arc::new(dem))
+    };
+    let looks = views.iter().enumerate().map(look).collect();
+    let wide = MapSettings { gate_sigmas: 50.0, ..settings() };
+    let mapper = Mapper::rebuild(wide, looks).unwrap();
+    let square = |i: usize| {
+        let found = mapper.version().cell([(i % 60) as i32, (i / 60) as i32]);
+        f64::from(found.height_m).powi(2) / f64::from(found.variance_m2)
+    };
+    (0..n).map(square).sum::<f64>() / n as f64
+}
+
+#[test]
+fn looking_again_from_the_same_place_is_as_sure_as_it_says() {
+    let (own, common) = (0.006, 0.018);
+    for views in [&[0; 9][..], &[0, 1, 2, 3], &[0]] {
+        let found = normalized(views, own, common, 1.0);
+        assert!((found - 1.0).abs() < 0.1, "{views:?}: {found}");
+    }
+    // Where views alternate, it is on the safe side.
+    let mixed = normalized(&[0, 1, 0, 1, 2, 0, 1, 2], own, common, 1.0);
+    assert!(mixed > 0.3 && mixed < 1.05, "{mixed}");
+    // Without a word of what is common, nine looks seem to be nine times as sure.
+    let blind = normalized(&[0; 9], own, common, 0.0);
+    assert!(blind > 6.0, "{blind}");
 }
 
 #[test]

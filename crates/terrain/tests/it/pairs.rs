@@ -7,7 +7,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use terrain::fusion::{
     AlignSettings, Correction, Flags, MapSettings, MapVersion, Mapper, Measurement, PairDem,
-    RasterizeOptions, ReadPolicy, Refusal, Tag, align, rasterize,
+    RasterizeOptions, ReadPolicy, Refusal, Tag, align, align_together, rasterize,
 };
 use terrain::synthetic::{Recipe, generate};
 use terrain::{ElevationMap, Source, TerrainError};
@@ -16,6 +16,7 @@ fn point(x: f64, y: f64, z: f64, sigma: f64, tag: Tag) -> Measurement {
     Measurement {
         position_m: Point3::new(x, y, z),
         height_variance_m2: sigma * sigma,
+        common_variance_m2: 0.0,
         footprint_m: 0.0,
         tag,
     }
@@ -266,4 +267,87 @@ fn moving_a_map_by_whole_cells_moves_its_cells_and_edges_stay_edges() {
     let half = dem.moved(&shift(0.02, 0.0));
     let is_edge = |z: f32| z.is_nan() || z.abs() < 1e-6 || (z - 0.3).abs() < 1e-6;
     assert!(half.cells().iter().all(|cell| is_edge(cell.height_m)), "no cell between the steps");
+}
+
+/// A strip of what a pair sees, told by `truth` off, with errors in common of `common` (m).
+fn strip(map: &ElevationMap, truth: &Correction, x: [f64; 2], common: f64, seed: u64) -> PairDem {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut points = Vec::new();
+    while points.len() < 30_000 {
+        let p = Point2::new(
+            x[0] + (x[1] - x[0]) * rng.random::<f64>(),
+            4.0 * rng.random::<f64>() - 2.0,
+        );
+        let z = map.height_at(p).unwrap() + 0.006 * normal(&mut rng);
+        let back = p - truth.translation_m.xy() - truth.about_m;
+        let told = truth.about_m + Rotation2::new(-truth.yaw_rad) * back;
+        points.push(Measurement {
+            common_variance_m2: common * common,
+            ..point(told.x, told.y, z - truth.translation_m.z, 0.006, Tag::Terrain)
+        });
+    }
+    rasterize(&points, &RasterizeOptions::default()).unwrap().dem
+}
+
+#[test]
+fn the_pairs_of_a_stand_are_fitted_to_each_other_by_no_more_than_they_share() {
+    let recipe = Recipe { flat_center_m: 0.0, ..Recipe::boulder_field() };
+    let map = generate(&recipe, 5).unwrap();
+    let off = |dz: f64, degrees: f64| Correction {
+        translation_m: Vector3::new(0.0, 0.0, dz),
+        yaw_rad: f64::to_radians(degrees),
+        about_m: Point2::origin(),
+    };
+    // Three strips in a row, each overlapping the next by a meter; the middle one is off.
+    let truths = [off(0.0, 0.0), off(0.012, 0.0), off(0.0, 0.0)];
+    let spans = [[-5.5, -1.5], [-2.5, 2.5], [1.5, 5.5]];
+    let settings = AlignSettings { pair_shift_sigma_m: 0.02, ..AlignSettings::default() };
+    let fitted = |common: f64| {
+        let dems: Vec<PairDem> =
+            (0..3).map(|i| strip(&map, &truths[i], spans[i], common, 40 + i as u64)).collect();
+        let seams = |by: &[Correction]| {
+            let mut worst = 0.0_f64;
+            for k in 0..2 {
+                let x = [-2.0, 2.0][k];
+                let z =
+                    |i: usize| by[i].apply(Point3::new(x, 0.0, 0.0)).z - truths[i].translation_m.z;
+                worst = worst.max((z(k) - z(k + 1)).abs());
+            }
+            worst
+        };
+        let map = MapVersion::empty(0.05);
+        let found = align_together(&dems.iter().collect::<Vec<_>>(), &map, &settings).unwrap();
+        assert!(found.iter().all(|f| f.refusal.is_none()), "{found:?}");
+        let by: Vec<Correction> = found.iter().map(|f| f.correction).collect();
+        let z: Vec<f64> = by.iter().map(|c| c.translation_m.z).collect();
+        (seams(&by), z)
+    };
+    let (seam, z) = fitted(0.0);
+    assert!(seam < 0.002, "{seam} {z:?}");
+    // Nothing tells where all three are: they stay about where they said on the whole.
+    assert!(z.iter().sum::<f64>().abs() < 0.004, "{z:?}");
+    // Where each may be 5 cm off in a way that no shift mends, what they differ by says little.
+    let (seam, z) = fitted(0.05);
+    assert!(seam > 0.008 && z.iter().all(|z| z.abs() < 0.004), "{seam} {z:?}");
+    // With the map, the rover's place is found: all are moved as one.
+    let mapper = first(&map);
+    let place = Correction { translation_m: Vector3::new(0.05, -0.04, 0.06), ..off(0.0, 0.8) };
+    let dems: Vec<PairDem> =
+        (0..2).map(|i| strip(&map, &place, spans[i], 0.0, 50 + i as u64)).collect();
+    let dems: Vec<&PairDem> = dems.iter().collect();
+    for found in align_together(&dems, mapper.version(), &AlignSettings::default()).unwrap() {
+        for p in [Point3::new(-4.0, 1.0, 0.0), Point3::new(0.0, -1.0, 0.0)] {
+            let miss = (found.correction.apply(p) - place.apply(p)).norm();
+            assert!(miss < 0.015, "{miss}: {found:?}");
+        }
+    }
+    // One that is too far off stays, and does not draw the others along.
+    let far = strip(&map, &off(0.4, 0.0), spans[1], 0.0, 60);
+    let [left, right] = [0, 2].map(|i| strip(&map, &truths[i], spans[i], 0.0, 61 + i as u64));
+    let loose = AlignSettings { pair_shift_sigma_m: 1.0, shift_sigma_m: 1.0, ..settings };
+    let found = align_together(&[&left, &far, &right], mapper.version(), &loose).unwrap();
+    assert!(matches!(found[1].refusal, Some(Refusal::OutOfBounds { .. })), "{:?}", found[1]);
+    for found in [&found[0], &found[2]] {
+        assert!(found.correction.translation_m.norm() < 0.01, "{found:?}");
+    }
 }

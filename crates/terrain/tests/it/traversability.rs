@@ -225,3 +225,35 @@ fn an_explained_box_protrudes_by_its_height_over_the_tilt() {
     assert_eq!((cell.goodness, cell.class), (Some(0.0), UNSAFE));
     assert_eq!(explain_cell(&boxed, Point2::new(9.0, 0.0), FOOT, &Limits::default()), Ok(None));
 }
+
+#[test]
+fn cautious_classes_are_those_of_ground_that_is_worse_by_so_many_sigmas() {
+    // A plane with a step of 6 cm: safe as it looks.
+    let grid = Grid { origin: Point2::origin(), resolution: 0.05, nx: 81, ny: 61 };
+    let heights = Raster::from_fn(grid, |ix, _| if ix < 40 { 0.0 } else { 0.06_f32 });
+    let map = ElevationMap::new(heights, Source::file("step"));
+    let layers = traversability(&map, 0.55, &Limits::default()).unwrap();
+    let at = |class: &Raster<u8>, ix: usize| *class.at(ix, 30);
+    assert_eq!((at(&layers.class, 40), at(&layers.class, 20)), (SAFE, SAFE));
+    let sigma = |s: f32| Raster::from_fn(grid, |_, _| s);
+    // 0.06 + 1.414 x 0.02 m has a goodness of 0.46, 0.06 + 1.414 x 0.004 m one of 0.71.
+    for (s, k, expected) in
+        [(0.02, 1.0, CAUTION), (0.004, 1.0, SAFE), (0.02, 0.0, SAFE), (0.004, 5.0, CAUTION)]
+    {
+        let class = layers.cautious_class(&sigma(s), k).unwrap();
+        assert_eq!(at(&class, 40), expected, "{s} {k}");
+        assert_eq!(at(&class, 20), SAFE, "no step here: {s} {k}");
+        let better = class.values().iter().zip(layers.class.values()).filter(|(a, b)| a > b);
+        assert_eq!(better.count(), 0);
+        let unknown = |c: &&u8| **c == UNKNOWN;
+        assert_eq!(
+            class.values().iter().filter(unknown).count(),
+            layers.class.values().iter().filter(unknown).count()
+        );
+    }
+    let nothing = layers.cautious_class(&sigma(f32::NAN), 1.0).unwrap();
+    assert_eq!(at(&nothing, 20), CAUTION);
+    let small = Raster::from_fn(Grid { nx: 80, ..grid }, |_, _| 0.0);
+    let refused = layers.cautious_class(&small, 1.0).unwrap_err().to_string();
+    assert!(refused.contains("sigma_m"), "{refused}");
+}
