@@ -29,7 +29,7 @@ const LEAST_ROOM: f64 = 0.002;
 const MOST_SEEN: usize = 4;
 
 /// Taken off each clearance, for what rounding and the kernels' convergence leave open (m).
-const SLACK: f64 = 1e-6;
+pub(crate) const SLACK: f64 = 1e-6;
 
 /// Places of a leg.
 const PLACES: usize = 6;
@@ -302,7 +302,7 @@ fn place_in<T: PartialEq>(list: &mut Vec<T>, value: T) -> usize {
 }
 
 /// Most that any point of a sphere goes from one place of its frame to another (m).
-fn way_of(from: &Frame, to: &Frame, (center, radius): &(Point3<f64>, f64)) -> f64 {
+pub(crate) fn way_of(from: &Frame, to: &Frame, (center, radius): &(Point3<f64>, f64)) -> f64 {
     let turned: Matrix3<f64> = to.rotation - from.rotation;
     let shifted = to.origin - from.origin + turned * center.coords;
     // The norm of a difference of two rotations is its Frobenius norm over the root of two.

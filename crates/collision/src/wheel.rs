@@ -306,16 +306,22 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
         // What is unknown must be met, and is nowhere high.
         let known = self.map.holes().is_none();
         let heights = self.map.heights().values();
+        let may_be = |bound: f64| self.best.is_none_or(|best| bound < best.gap - SETTLED);
+        if known && !may_be(lowest - self.map.max_over(min, max)) {
+            return;
+        }
         let mut bounds = [0.0; RUN];
         for iy in rows {
-            for start in columns.clone().step_by(RUN) {
-                let run = start..columns.end.min(start + RUN);
+            let (from, to) = under.columns(grid.position(0, iy));
+            let from = columns.start.max(from.clamp(0.0, grid.nx as f64) as usize);
+            let to = columns.end.min(to.clamp(0.0, grid.nx as f64) as usize);
+            for start in (from..to).step_by(RUN) {
+                let run = start..to.min(start + RUN);
                 let row = |iy: usize| &heights[grid.index(start, iy)..][..run.len() + 1];
                 let corner = grid.position(start, iy);
                 let bounds = &mut bounds[..run.len()];
                 under.over_row(corner, [row(iy), row(iy + 1)], bounds);
                 for (ix, bound) in run.zip(bounds) {
-                    let may_be = |bound: f64| self.best.is_none_or(|best| bound < best.gap);
                     // A bound that is no number is of ground that is not known.
                     if may_be(*bound) || (!known && bound.is_nan()) {
                         let bound = self.bound_over(&under, ix, iy);
@@ -365,7 +371,7 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
                 self.try_point(*p);
             });
         }
-        self.try_supports(ix, iy);
+        self.try_supports(under, ix, iy);
         // The edges on the far sides are those of the squares beyond, which are looked at if they may be
         // nearer.
         for [a, b] in [[1, 2], [0, 1], [0, 2]] {
@@ -374,14 +380,16 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
     }
 
     /// The wheel's lowest points against the planes of the two triangles of a square.
-    fn try_supports(&mut self, ix: usize, iy: usize) {
+    fn try_supports(&mut self, under: &Underside, ix: usize, iy: usize) {
         let grid = self.map.grid();
         let (corner, side) = (grid.position(ix, iy), grid.resolution);
         let [z00, z10, z01, z11] = self.corners(ix, iy);
         let lower = Vector3::new(z00 - z10, z00 - z01, side);
         let upper = Vector3::new(z01 - z11, z10 - z11, side);
-        for normal in [lower, upper] {
-            if !normal.iter().all(|v| v.is_finite()) {
+        for (normal, corner_z) in [(lower, z00), (upper, z11)] {
+            let top = highest_of(&[corner_z, z10, z01, corner_z]);
+            let beaten = |best: WheelGap| under.lowest - top >= best.gap;
+            if !normal.iter().all(|v| v.is_finite()) || self.best.is_some_and(beaten) {
                 continue;
             }
             let normal = Unit::new_normalize(normal);

@@ -145,7 +145,9 @@ fn gap_along_edges(wheel: &WheelPose, map: &ElevationMap) -> f64 {
                 let or_far = |t: f64| gap(t).unwrap_or(f64::INFINITY);
                 let n = 200;
                 let best = (0..=n).map(|i| i as f64 / n as f64).filter(|t| gap(*t).is_some());
-                let Some(t) = best.min_by(|a, b| or_far(*a).total_cmp(&or_far(*b))) else { continue };
+                let Some(t) = best.min_by(|a, b| or_far(*a).total_cmp(&or_far(*b))) else {
+                    continue;
+                };
                 let step = 1.0 / n as f64;
                 let (mut low, mut high) = ((t - step).max(0.0), (t + step).min(1.0));
                 for _ in 0..50 {
