@@ -10,8 +10,8 @@ use rover::{
 };
 
 use crate::form::{Core, Form, Placed};
-use crate::ground::highest_known;
-use crate::look::{Ask, Look, better, look_at_ground, look_at_pair, look_at_solids};
+use crate::ground::{highest_known, is_near_ground_at};
+use crate::look::{Ask, Look, TOUCHING, better, look_at_ground, look_at_pair, look_at_solids};
 use crate::pairs::{Body, pair_tolerance};
 use crate::scene::Scene;
 use crate::solid::Part;
@@ -503,6 +503,20 @@ impl<'a> LegChecker<'a> {
                 self.look_at_own(moment, [index, j as usize], [here, other])
             }
         }
+    }
+
+    /// Does a moving part come too near to the ground about `place`? `false` is no answer.
+    pub(crate) fn is_near_ground_at(
+        &self,
+        frames: &LegFrames,
+        index: usize,
+        place: Point2<f64>,
+        scratch: &mut Scratch,
+    ) -> bool {
+        scratch.place(self, &Moment::still(frames, Allowance::default()), index);
+        let (part, placed) = (self.moving[index].part, &scratch.parts[index].placed);
+        let required = self.environment().max(TOUCHING);
+        is_near_ground_at(self.scene, part, placed, place, required)
     }
 
     /// The members of a group that are open.

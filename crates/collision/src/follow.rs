@@ -2,9 +2,11 @@
 //!
 //! What is found far from everything is not looked at again before it may have come near: a look tells
 //! by how much more than must be kept the two are apart, and each moving part is held by a sphere of
-//! its link whose way from one configuration to the next is bounded. So an answer is that of
+//! its link whose way from one configuration to the next is bounded; two parts of the leg by the way of
+//! the outer one as seen from the inner one. So an answer is that of
 //! [`LegChecker::violation_at`](crate::LegChecker::violation_at), by proof or by the same look.
 
+use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Point3};
 use rover::{Frame, LegFrames};
 
@@ -23,11 +25,11 @@ const NEAR: f64 = 0.12;
 /// Room that is not worth remembering (m at scale 1).
 const LEAST_ROOM: f64 = 0.002;
 
-/// Way of any link beyond which a configuration counts as another one, not as the next (m at scale 1).
-const JUMP: f64 = 0.25;
+/// Places that a batch remembers.
+const MOST_SEEN: usize = 4;
 
 /// Taken off each clearance, for what rounding and the kernels' convergence leave open (m).
-const SLACK: f64 = 1e-6;
+pub(crate) const SLACK: f64 = 1e-6;
 
 /// Places of a leg.
 const PLACES: usize = 6;
@@ -36,112 +38,178 @@ const PLACES: usize = 6;
 pub struct Follower<'c> {
     checker: &'c LegChecker<'c>,
     scratch: Scratch,
-    /// By place of the leg: a sphere in the link's frame that holds the parts it carries.
-    spheres: [(Point3<f64>, f64); PLACES],
-    /// Places that carry parts.
-    n_places: usize,
-    /// Where the links were last.
-    last: Option<[Frame; PLACES]>,
-    /// Bound on the way that any point of each place's parts has gone so far (m).
-    gone: [f64; PLACES],
-    /// For each item the sum of its places' ways up to which it is clear.
-    clear_until: Vec<f64>,
-    /// Places whose ways count for each item; the same one twice where one counts.
-    places: Vec<[u8; 2]>,
+    batches: Vec<Batch>,
+    /// Places whose relative motion counts: the outer one as seen from the inner one.
+    pairs: Vec<(usize, usize)>,
     scale: f64,
+}
+
+/// Items whose distances only change as one part moves: through `world`, or as seen from another part of
+/// the leg.
+struct Batch {
+    items: Vec<usize>,
+    /// Index of the frame that moves the part, of the links' and then the pairs'; none if nothing
+    /// does.
+    moves: Option<usize>,
+    /// A sphere in that frame that holds the part.
+    sphere: (Point3<f64>, f64),
+    /// Where all items were looked at lately, the latest first.
+    seen: ArrayVec<Seen, MOST_SEEN>,
+}
+
+/// All items of a batch, looked at in one place.
+struct Seen {
+    at: Frame,
+    /// The way (m) up to which each item is clear from there, and the least of them. Where one is only
+    /// known to be clear there it has to be looked at each time.
+    rooms: Vec<Option<f64>>,
+    least: f64,
+    /// The items to be looked at each time.
+    always: Vec<usize>,
+    /// Looks taken since because a way was longer.
+    n_looks: usize,
 }
 
 impl<'c> Follower<'c> {
     /// Prepares for following the leg of `checker`.
     pub fn new(checker: &'c LegChecker<'c>) -> Follower<'c> {
-        let mut spheres = [(Point3::origin(), 0.0_f64); PLACES];
-        for (place, sphere) in spheres.iter_mut().enumerate() {
-            let parts = || checker.moving.iter().filter(|m| m.place == place);
-            let n = parts().count().max(1) as f64;
-            let middles = parts().map(|m| m.place_from_part().origin);
-            sphere.0 = Point3::from(middles.sum::<nalgebra::Vector3<f64>>() / n);
-            let reach = |(center, bound): (Point3<f64>, f64)| (center - sphere.0).norm() + bound;
-            sphere.1 = parts().map(|m| reach(m.sphere_in_place())).fold(0.0, f64::max);
+        let mut pairs = Vec::new();
+        let mut batches: Vec<Batch> = Vec::new();
+        let mut keys: Vec<(usize, Option<usize>)> = Vec::new();
+        for (index, item) in checker.items.iter().enumerate() {
+            let place = |i: usize| checker.moving[i].place;
+            let i = usize::from(item.moving);
+            // Of two parts of the leg the outer one moves as seen from the inner one, by the joints between
+            // the two alone.
+            let (part, seen_from) = match item.against {
+                Against::Own(j) if place(j.into()) > place(i) => (usize::from(j), Some(place(i))),
+                Against::Own(j) => (i, Some(place(j.into()))),
+                _ => (i, None),
+            };
+            let key = (part, seen_from);
+            let batch = keys.iter().position(|known| *known == key).unwrap_or_else(|| {
+                let moves = match seen_from {
+                    None => Some(place(part)),
+                    Some(inner) if inner == place(part) => None,
+                    Some(inner) => Some(PLACES + place_in(&mut pairs, (place(part), inner))),
+                };
+                keys.push(key);
+                let sphere = checker.moving[part].sphere_in_place();
+                batches.push(Batch { items: Vec::new(), moves, sphere, seen: ArrayVec::new() });
+                batches.len() - 1
+            });
+            batches[batch].items.push(index);
         }
-        let places = checker.items.iter().map(|item| {
-            let place = |i: u16| checker.moving[usize::from(i)].place as u8;
-            match item.against {
-                Against::Own(j) => [place(item.moving), place(j)],
-                _ => [place(item.moving), u8::MAX],
-            }
-        });
-        Follower {
-            checker,
-            scratch: Scratch::new(checker),
-            spheres,
-            n_places: checker.moving.iter().map(|m| m.place + 1).max().unwrap_or(0),
-            last: None,
-            gone: [0.0; PLACES],
-            clear_until: vec![f64::NEG_INFINITY; checker.items.len()],
-            places: places.collect(),
-            scale: checker.scene.robot().scale(),
-        }
+        let scratch = Scratch::new(checker);
+        let scale = checker.scene.robot().scale();
+        Follower { checker, scratch, batches, pairs, scale }
     }
 
     /// Forgets what it has seen.
     pub fn begin(&mut self) {
-        self.last = None;
+        self.batches.iter_mut().for_each(|batch| batch.seen.clear());
     }
 
     /// Something nearer than it may be; `None` if all is free.
     pub fn touch(&mut self, frames: &LegFrames, allowance: Allowance) -> Option<Touch> {
-        self.step(frames);
         self.scratch.clear();
-        let gone = self.gone;
-        let way = |places: [u8; 2]| {
-            let of = |place: u8| gone.get(usize::from(place)).copied().unwrap_or(0.0);
-            of(places[0]) + of(places[1])
+        let seen_from = |(outer, inner): &(usize, usize)| {
+            frames.links[*inner].inverse().after(&frames.links[*outer])
         };
-        for index in 0..self.clear_until.len() {
-            let gone = way(self.places[index]);
-            // Buffers ask for more than what was looked at.
-            if gone < self.clear_until[index] && !allowance.buffered {
-                continue;
-            }
-            match self.look(frames, allowance, index) {
-                Ok(room) => self.clear_until[index] = gone + room - SLACK,
-                Err(touch) => {
-                    self.clear_until[index] = f64::NEG_INFINITY;
-                    return Some(touch);
+        let relative: ArrayVec<Frame, { PLACES * PLACES }> =
+            self.pairs.iter().map(seen_from).collect();
+        let mut batches = std::mem::take(&mut self.batches);
+        let still = Frame::identity();
+        let touch = batches.iter_mut().find_map(|batch| {
+            let now = match batch.moves {
+                None => &still,
+                Some(place) if place < PLACES => &frames.links[place],
+                Some(pair) => &relative[pair - PLACES],
+            };
+            self.touch_of(batch, now, frames, allowance)
+        });
+        self.batches = batches;
+        touch
+    }
+
+    /// As [`touch`](Self::touch) for the items of a batch whose part is moved by the frame `now`.
+    fn touch_of(
+        &mut self,
+        batch: &mut Batch,
+        now: &Frame,
+        frames: &LegFrames,
+        allowance: Allowance,
+    ) -> Option<Touch> {
+        // Buffers ask for more than what was looked at.
+        if allowance.buffered {
+            return batch.items.iter().find_map(|item| self.look(frames, allowance, *item).err());
+        }
+        let mut nearest: Option<(f64, &mut Seen)> = None;
+        for seen in &mut batch.seen {
+            let beyond = way_of(&seen.at, now, &batch.sphere) + SLACK - seen.least;
+            if nearest.as_ref().is_none_or(|(least, _)| beyond < *least) {
+                nearest = Some((beyond, seen));
+                if beyond < 0.0 {
+                    break;
                 }
             }
         }
+        if let Some((beyond, seen)) = nearest {
+            for item in &seen.always {
+                if let Err(touch) = self.look(frames, allowance, *item) {
+                    return Some(touch);
+                }
+            }
+            if beyond < 0.0 {
+                return None;
+            }
+            let way = beyond + seen.least;
+            for (item, room) in batch.items.iter().zip(&seen.rooms) {
+                if room.is_some_and(|room| way >= room) {
+                    seen.n_looks += 1;
+                    if let Err(touch) = self.look(frames, allowance, *item) {
+                        return Some(touch);
+                    }
+                }
+            }
+            // Looks at single items pay as long as they are few.
+            if 2 * seen.n_looks <= batch.items.len() {
+                return None;
+            }
+        }
+        let mut seen = Seen {
+            at: *now,
+            rooms: Vec::with_capacity(batch.items.len()),
+            least: f64::INFINITY,
+            always: Vec::new(),
+            n_looks: 0,
+        };
+        for item in &batch.items {
+            let room = match self.look(frames, allowance, *item) {
+                Ok(room) => room,
+                Err(touch) => return Some(touch),
+            };
+            match room {
+                Some(room) => seen.least = seen.least.min(room),
+                None => seen.always.push(*item),
+            }
+            seen.rooms.push(room);
+        }
+        if batch.seen.is_full() {
+            batch.seen.pop();
+        }
+        batch.seen.insert(0, seen);
         None
     }
 
-    /// Adds up how far the links may have gone.
-    fn step(&mut self, frames: &LegFrames) {
-        let mut far = 0.0_f64;
-        if let Some(last) = &self.last {
-            let links = last.iter().zip(&frames.links).zip(&self.spheres);
-            for (gone, ((from, to), sphere)) in self.gone.iter_mut().zip(links.take(self.n_places))
-            {
-                let way = way_of(from, to, sphere);
-                *gone += way;
-                far = far.max(way);
-            }
-        }
-        // The sums would lose digits in the end.
-        if self.last.is_none() || far > JUMP * self.scale || self.gone.iter().any(|g| *g > 1e3) {
-            self.gone = [0.0; PLACES];
-            self.clear_until.fill(f64::NEG_INFINITY);
-        }
-        self.last = Some(frames.links);
-    }
-
-    /// By how much more than it must an item is clear (m), negative where that is not known; the touch
-    /// where it is not clear.
+    /// By how much more than it must an item is clear (m), none where that is not known; the touch where it
+    /// is not clear.
     fn look(
         &mut self,
         frames: &LegFrames,
         allowance: Allowance,
         index: usize,
-    ) -> Result<f64, Touch> {
+    ) -> Result<Option<f64>, Touch> {
         let (checker, item) = (self.checker, self.checker.items[index]);
         let moment = Moment::still(frames, allowance);
         let part = checker.moving[usize::from(item.moving)].part;
@@ -154,12 +222,12 @@ impl<'c> Follower<'c> {
             }
             let room = self.room(&item);
             if room > LEAST_ROOM * self.scale {
-                return Ok(room);
+                return Ok(Some(room));
             }
         }
         match checker.look(&moment, &item, &mut self.scratch) {
             Look::Violated(violation) => Err(violation.touch),
-            Look::Clear | Look::Open(_) => Ok(f64::NEG_INFINITY),
+            Look::Clear | Look::Open(_) => Ok(None),
         }
     }
 
@@ -225,8 +293,16 @@ impl<'c> Follower<'c> {
     }
 }
 
+/// The place of a value in a list, to which it is added if it is not there yet.
+fn place_in<T: PartialEq>(list: &mut Vec<T>, value: T) -> usize {
+    list.iter().position(|known| *known == value).unwrap_or_else(|| {
+        list.push(value);
+        list.len() - 1
+    })
+}
+
 /// Most that any point of a sphere goes from one place of its frame to another (m).
-fn way_of(from: &Frame, to: &Frame, (center, radius): &(Point3<f64>, f64)) -> f64 {
+pub(crate) fn way_of(from: &Frame, to: &Frame, (center, radius): &(Point3<f64>, f64)) -> f64 {
     let turned: Matrix3<f64> = to.rotation - from.rotation;
     let shifted = to.origin - from.origin + turned * center.coords;
     // The norm of a difference of two rotations is its Frobenius norm over the root of two.

@@ -114,7 +114,11 @@ impl<'a> Footings<'a> {
         let axle = (heading - normal * normal.dot(&heading)).try_normalize(1e-9)?;
         let across = normal.cross(&axle);
         let seats = ArrayVec::new_const();
-        Some(Footing { of: self, place, axle, across, seats, nearest: None })
+        let base = &self.base_from_world;
+        let center = place.ground.coords + normal * self.model.wheel.radius;
+        let turned = [axle, across, normal].map(|v| base.rotation * v);
+        let in_base = [turned[0], turned[1], turned[2], base.rotation * center + base.origin];
+        Some(Footing { of: self, place, axle, across, in_base, seats, nearest: None })
     }
 }
 
@@ -126,6 +130,8 @@ pub struct Footing<'a> {
     /// The axle at yaw zero, and the direction that it turns to.
     axle: Vector3<f64>,
     across: Vector3<f64>,
+    /// Axle, across, the normal and the center of a wheel before it is seated, in the base's frame.
+    in_base: [Vector3<f64>; 4],
     /// By yaw, those that have been asked for.
     seats: ArrayVec<(usize, Result<Seat, NoSeat>), { YAWS.len() }>,
     /// The point of ground that a wheel seated here, or next to here, was nearest to: a good place to
@@ -153,8 +159,17 @@ impl Footing<'_> {
     /// it is not known to be.
     pub fn missed(&self, orientation: usize) -> f64 {
         let Some(ik) = self.of.model.ik.closed_form() else { return 0.0 };
-        let wrist = self.frame(orientation).point(&ik.wheel_from_wrist());
-        ik.missed(&self.of.base_from_world.point(&wrist))
+        let n_pitches = self.of.fork_pitches.len();
+        let ((sin, cos), (sin_pitch, cos_pitch)) =
+            (self.of.yaws[orientation / n_pitches], self.of.fork_pitches[orientation % n_pitches]);
+        // The point that `frame` has there, by axle, across and normal in the base's frame.
+        let wrist = ik.wheel_from_wrist();
+        let aside = wrist.z * cos_pitch - wrist.x * sin_pitch;
+        let [axle, across, normal, center] = &self.in_base;
+        let from_center = axle * (cos * wrist.y + sin * aside)
+            + across * (sin * wrist.y - cos * aside)
+            - normal * (cos_pitch * wrist.x + sin_pitch * wrist.z);
+        ik.missed(&Point3::from(center + from_center))
     }
 
     /// How the wheel sits in an orientation: shifted along z until it just touches.

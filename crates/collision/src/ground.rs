@@ -158,6 +158,33 @@ pub(crate) fn near_known_ground(
     nearest.or(below)
 }
 
+/// Is the part nearer than `required` (m) to the ground about `place`, or in it? `false` is no answer:
+/// nearer ground may be elsewhere.
+pub(crate) fn is_near_ground_at(
+    scene: &Scene,
+    part: &Part,
+    placed: &Placed,
+    place: Point2<f64>,
+    required: f64,
+) -> bool {
+    let grid = scene.map().grid();
+    let at = (place - grid.origin) / grid.resolution;
+    if !(at.x >= 0.0 && at.y >= 0.0) {
+        return false;
+    }
+    let kernel = Kernel::Quick { enough: required };
+    triangles(scene, at.x as usize, at.y as usize).into_iter().flatten().any(|corners| {
+        match look_at_triangle(placed, &part.form, &corners, required) {
+            QuickLook::Apart => false,
+            QuickLook::Touching(_) => true,
+            QuickLook::Unclear => {
+                let near = distance_of_triangle(part, placed, &corners, required, kernel);
+                near.is_some_and(|near| near.distance < required)
+            }
+        }
+    })
+}
+
 /// Distance (m) below which a triangle is nearer than one at `limit` (m): on level ground all are
 /// equally near, but for the last digits of parry's distances.
 fn nearer_than(limit: f64) -> f64 {

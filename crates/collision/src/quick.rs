@@ -1,13 +1,29 @@
 //! One leg in many configurations that are much alike: what was in the way last is looked at first.
 
+use nalgebra::{Point2, Point3};
 use rover::{Frame, LegAngles, LegChain, LegFrames};
 
-use crate::checker::{Against, Allowance, LegChecker, Moment, Scratch, Touch};
+use crate::checker::{Against, Allowance, Item, LegChecker, Moment, Scratch, Touch, Violation};
+use crate::follow::{SLACK, way_of};
 use crate::look::Look;
 
 /// What was in the way last, of a configuration like the next one. Starts as nothing in particular.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Hint(usize);
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Hint(Option<Blocked>);
+
+/// Something in the way.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Blocked {
+    /// Index of the checker's item.
+    item: usize,
+    touch: Touch,
+    /// Where, if it was the ground.
+    place: Option<Point2<f64>>,
+    /// Where the moving part's frame was.
+    at: Frame,
+    /// The way (m) that the part may go from there and still be too near.
+    depth: f64,
+}
 
 /// Answers as [`LegChecker::violation_at`] does whether a configuration is free; where it is not, it
 /// names some violation, not the first. Holds what checks can use again.
@@ -54,15 +70,17 @@ impl<'c> QuickChecker<'c> {
         allowance: Allowance,
         hint: &mut Hint,
     ) -> Option<Touch> {
-        if let Some(touch) = self.touch_at(frames, allowance, *hint) {
+        if let Some(touch) = self.touch_at(frames, allowance, hint) {
             return Some(touch);
         }
         let moment = Moment::still(frames, allowance);
         let (checker, scratch) = (self.checker, &mut self.scratch);
-        for (place, item) in checker.items.iter().enumerate().filter(|(place, _)| *place != hint.0)
+        let known = hint.0.map(|blocked| blocked.item);
+        for (place, item) in
+            checker.items.iter().enumerate().filter(|(place, _)| Some(*place) != known)
         {
             if let Look::Violated(violation) = checker.look(&moment, item, scratch) {
-                *hint = Hint(place);
+                *hint = Hint(Some(blocked(checker, place, &moment, &violation)));
                 return Some(violation.touch);
             }
         }
@@ -74,13 +92,41 @@ impl<'c> QuickChecker<'c> {
         &mut self,
         frames: &LegFrames,
         allowance: Allowance,
-        hint: Hint,
+        hint: &mut Hint,
     ) -> Option<Touch> {
         self.scratch.clear();
-        let item = self.checker.items.get(hint.0)?;
+        self.touch_by(frames, allowance, hint)
+    }
+
+    /// Looks at what a hint says, where nothing else has been placed.
+    fn touch_by(
+        &mut self,
+        frames: &LegFrames,
+        allowance: Allowance,
+        hint: &mut Hint,
+    ) -> Option<Touch> {
+        let (checker, scratch) = (self.checker, &mut self.scratch);
+        let before = hint.0?;
+        let item = checker.items.get(before.item)?;
         let moment = Moment::still(frames, allowance);
-        match self.checker.look(&moment, item, &mut self.scratch) {
-            Look::Violated(violation) => Some(violation.touch),
+        if holds_still(item, &allowance) {
+            let (now, sphere) = moved(checker, item, frames);
+            if way_of(&before.at, &now, &sphere) < before.depth {
+                return Some(before.touch);
+            }
+            // The same piece of ground is nearly always in the way still.
+            let index = usize::from(item.moving);
+            if let Some(place) = before.place
+                && checker.is_near_ground_at(frames, index, place, scratch)
+            {
+                return Some(before.touch);
+            }
+        }
+        match checker.look(&moment, item, scratch) {
+            Look::Violated(violation) => {
+                *hint = Hint(Some(blocked(checker, before.item, &moment, &violation)));
+                Some(violation.touch)
+            }
             Look::Clear | Look::Open(_) => None,
         }
     }
@@ -92,9 +138,9 @@ impl<'c> QuickChecker<'c> {
         &mut self,
         wheel: &Frame,
         allowance: Allowance,
-        hint: Hint,
+        hint: &mut Hint,
     ) -> Option<FootTouch> {
-        let item = self.checker.items.get(hint.0)?;
+        let item = self.checker.items.get(hint.0?.item)?;
         let moving = &self.checker.moving[usize::from(item.moving)];
         if !moving.is_foot || matches!(item.against, Against::Own(_)) {
             return None;
@@ -106,13 +152,40 @@ impl<'c> QuickChecker<'c> {
             let part = carrier.after(&moving.link_from_part);
             self.carried.links[moving.place] = part.after(&moving.place_from_part().inverse());
         }
+        let (is_wheel, carried) = (moving.part.is_wheel, self.carried);
         self.scratch.clear();
-        let moment = Moment::still(&self.carried, allowance);
-        match self.checker.look(&moment, item, &mut self.scratch) {
-            Look::Violated(violation) => {
-                Some(FootTouch { touch: violation.touch, is_wheel: moving.part.is_wheel })
-            }
-            Look::Clear | Look::Open(_) => None,
-        }
+        self.touch_by(&carried, allowance, hint).map(|touch| FootTouch { touch, is_wheel })
     }
+}
+
+/// Is what an item must keep the same wherever the leg is? A zone goes along with the wheel.
+fn holds_still(item: &Item, allowance: &Allowance) -> bool {
+    let of_surroundings = matches!(item.against, Against::Ground | Against::Solids);
+    !of_surroundings || *allowance == Allowance::default()
+}
+
+fn blocked(checker: &LegChecker, item: usize, moment: &Moment, violation: &Violation) -> Blocked {
+    let of = &checker.items[item];
+    let touch = violation.touch;
+    let depth = match touch {
+        _ if !holds_still(of, &moment.allowance) => 0.0,
+        Touch::UnknownGround(_) => 0.0,
+        _ => violation.required - violation.distance - SLACK,
+    };
+    let of_ground = matches!(touch, Touch::Ground(_));
+    let place = of_ground.then(|| violation.place.xy());
+    Blocked { item, touch, place, at: moved(checker, of, moment.frames).0, depth }
+}
+
+/// The frame by whose way alone an item's distance changes, and a sphere in it that holds the part: a
+/// link's, or that of the outer one of two links as seen from the inner one.
+fn moved(checker: &LegChecker, item: &Item, frames: &LegFrames) -> (Frame, (Point3<f64>, f64)) {
+    let part = &checker.moving[usize::from(item.moving)];
+    let Against::Own(other) = item.against else {
+        return (frames.links[part.place], part.sphere_in_place());
+    };
+    let other = &checker.moving[usize::from(other)];
+    let (outer, inner) = if part.place >= other.place { (part, other) } else { (other, part) };
+    let seen = frames.links[inner.place].inverse().after(&frames.links[outer.place]);
+    (seen, outer.sphere_in_place())
 }

@@ -5,7 +5,10 @@
 //! (x, y). The smallest vertical gap tells all: positive above, zero touching, negative inside;
 //! and lifting the wheel by d raises it by d.
 
+mod edge;
 mod underside;
+
+use std::ops::Range;
 
 use nalgebra::{Point2, Point3, Unit, Vector3};
 use rover::WheelPose;
@@ -13,9 +16,12 @@ use terrain::ElevationMap;
 
 use self::underside::Underside;
 
-/// Golden-section steps along a grid edge: 20 shrink the bracket to 7e-5 of its length, and the
-/// gap is quadratic about its minimum.
+/// Golden-section steps along a grid edge where not all of it counts: 20 shrink the bracket to 7e-5 of
+/// its length, and the gap is quadratic about its minimum.
 const REFINEMENTS: usize = 20;
+
+/// Squares of a row whose bounds are looked at together.
+const RUN: usize = 32;
 
 /// What a gap along an edge may be smaller than the one found (m): well below what the search along
 /// it would tell apart.
@@ -59,8 +65,8 @@ pub struct WheelGround {
 
 /// The vertical gap between a wheel and the ground, over the points for which `keep` holds.
 ///
-/// Exact on planes to rounding; on rough ground good to about 1e-6 m, by nodes, by the lowest
-/// point against each triangle, and by search along the edges of the grid.
+/// Exact to rounding on known ground: by the lowest point against each triangle and by closed forms along
+/// the edges of the grid. Where only part of an edge counts it is searched, good to about 1e-6 m.
 pub fn wheel_ground(
     wheel: &WheelPose,
     map: &ElevationMap,
@@ -294,26 +300,35 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
         // The bottom first: it is nearly always about as near as any, and then most squares need no
         // look.
         self.try_point(self.wheel.center.xy());
-        let mut open: Vec<(f64, usize, usize)> = Vec::new();
-        let here = &*self;
-        let mut look = |ix: usize, iy: usize| {
-            if ix + 1 >= grid.nx || iy + 1 >= grid.ny {
-                return true; // a single row has no squares
-            }
-            let bound = here.bound_over(&under, ix, iy);
-            if here.best.is_none_or(|best| bound < best.gap) {
-                open.push((bound, ix, iy));
-            }
-            true
-        };
-        if here.map.holes().is_none() {
-            let may_be = |bound: f64| here.best.is_none_or(|best| bound < best.gap);
-            here.map.pyramid().descend(min, max, |block| may_be(under.over_block(block)), look);
-        } else {
-            // What is unknown must be met, and is nowhere high.
-            for iy in ys.start..ys.end.saturating_sub(1) {
-                for ix in xs.start..xs.end.saturating_sub(1) {
-                    look(ix, iy);
+        let mut open: Vec<(f64, usize, usize)> = Vec::with_capacity(32);
+        let squares = |nodes: Range<usize>| nodes.start..nodes.end.saturating_sub(1);
+        let (columns, rows) = (squares(xs), squares(ys));
+        // What is unknown must be met, and is nowhere high.
+        let known = self.map.holes().is_none();
+        let heights = self.map.heights().values();
+        let may_be = |bound: f64| self.best.is_none_or(|best| bound < best.gap - SETTLED);
+        if known && !may_be(lowest - self.map.max_over(min, max)) {
+            return;
+        }
+        let mut bounds = [0.0; RUN];
+        for iy in rows {
+            let (from, to) = under.columns(grid.position(0, iy));
+            let from = columns.start.max(from.clamp(0.0, grid.nx as f64) as usize);
+            let to = columns.end.min(to.clamp(0.0, grid.nx as f64) as usize);
+            for start in (from..to).step_by(RUN) {
+                let run = start..to.min(start + RUN);
+                let row = |iy: usize| &heights[grid.index(start, iy)..][..run.len() + 1];
+                let corner = grid.position(start, iy);
+                let bounds = &mut bounds[..run.len()];
+                under.over_row(corner, [row(iy), row(iy + 1)], bounds);
+                for (ix, bound) in run.zip(bounds) {
+                    // A bound that is no number is of ground that is not known.
+                    if may_be(*bound) || (!known && bound.is_nan()) {
+                        let bound = self.bound_over(&under, ix, iy);
+                        if may_be(bound) {
+                            open.push((bound, ix, iy));
+                        }
+                    }
                 }
             }
         }
@@ -338,9 +353,6 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
             return f64::NEG_INFINITY;
         }
         let bound = under.lowest - highest_of(&heights);
-        if self.best.is_some_and(|best| bound >= best.gap) {
-            return bound;
-        }
         bound.max(under.over_square(self.map.grid().position(ix, iy), heights))
     }
 
@@ -359,7 +371,7 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
                 self.try_point(*p);
             });
         }
-        self.try_supports(ix, iy);
+        self.try_supports(under, ix, iy);
         // The edges on the far sides are those of the squares beyond, which are looked at if they may be
         // nearer.
         for [a, b] in [[1, 2], [0, 1], [0, 2]] {
@@ -368,14 +380,16 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
     }
 
     /// The wheel's lowest points against the planes of the two triangles of a square.
-    fn try_supports(&mut self, ix: usize, iy: usize) {
+    fn try_supports(&mut self, under: &Underside, ix: usize, iy: usize) {
         let grid = self.map.grid();
         let (corner, side) = (grid.position(ix, iy), grid.resolution);
         let [z00, z10, z01, z11] = self.corners(ix, iy);
         let lower = Vector3::new(z00 - z10, z00 - z01, side);
         let upper = Vector3::new(z01 - z11, z10 - z11, side);
-        for normal in [lower, upper] {
-            if !normal.iter().all(|v| v.is_finite()) {
+        for (normal, corner_z) in [(lower, z00), (upper, z11)] {
+            let top = highest_of(&[corner_z, z10, z01, corner_z]);
+            let beaten = |best: WheelGap| under.lowest - top >= best.gap;
+            if !normal.iter().all(|v| v.is_finite()) || self.best.is_some_and(beaten) {
                 continue;
             }
             let normal = Unit::new_normalize(normal);
@@ -417,8 +431,7 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
         beaten(self, t, SETTLED)
     }
 
-    /// The smallest gap along an edge of the grid. The gap is convex along an edge: three points bound
-    /// it from below.
+    /// The smallest gap along an edge of the grid.
     fn try_edge(&mut self, [a, b]: [Point2<f64>; 2], heights: [f64; 2], under: &Underside) {
         let beaten = |best: WheelGap| heights.iter().all(|z| under.lowest - z >= best.gap);
         if self.best.is_some_and(beaten) {
@@ -427,14 +440,26 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
         if self.is_settled([a, b], heights, under) {
             return;
         }
-        let at = |t: f64| a + (b - a) * t;
-        if let (Some(ga), Some(gb)) = (self.try_point(a), self.try_point(b)) {
-            let Some(gm) = self.try_point(at(0.5)) else { return };
-            let bound = gm.min(2.0 * gm - ga).min(2.0 * gm - gb);
-            if self.best.is_some_and(|best| bound >= best.gap) {
+        let [za, rise] = [heights[0], heights[1] - heights[0]];
+        if !rise.is_nan() {
+            let gap = |c: &edge::Candidate| c.height - (za + rise * c.share);
+            let all = edge::candidates(&self.wheel, a, b, rise);
+            let Some(nearest) = all.iter().min_by(|c, d| gap(c).total_cmp(&gap(d))) else { return };
+            let p = a + (b - a) * nearest.share;
+            if self.best.is_some_and(|best| gap(nearest) >= best.gap)
+                || self.try_over(p, nearest.height, za + rise * nearest.share).is_some()
+            {
                 return;
             }
         }
+        self.search_edge([a, b]);
+    }
+
+    /// The smallest gap along an edge of which not all counts, or is known, by search.
+    fn search_edge(&mut self, [a, b]: [Point2<f64>; 2]) {
+        let at = |t: f64| a + (b - a) * t;
+        self.try_point(a);
+        self.try_point(b);
         let length = (b - a).norm();
         let n = ((length / self.wheel.half_width * 4.0).ceil() as usize).clamp(4, 400);
         let mut coarse: Option<(f64, f64)> = None;

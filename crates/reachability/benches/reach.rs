@@ -111,9 +111,15 @@ fn benches(c: &mut Criterion) {
         for (name, legs) in [("one leg", &legs[..1]), ("six legs", &legs[..])] {
             let cells = legs.iter().map(|leg| places(scene, start, *leg, 0.02).len() as u64);
             group.throughput(Throughput::Elements(cells.sum()));
-            group.bench_function(format!("{name}{ground}, 2 cm cells, two threads"), |b| {
-                b.iter(|| reach_legs(scene, start, GRAVITY, legs, &options, &|| false));
-            });
+            for (threads, workers) in [("one thread", 1), ("two threads", 2)] {
+                if (legs.len(), workers) == (6, 1) {
+                    continue; // six times the first
+                }
+                let options = ReachOptions { workers, ..options };
+                group.bench_function(format!("{name}{ground}, 2 cm cells, {threads}"), |b| {
+                    b.iter(|| reach_legs(scene, start, GRAVITY, legs, &options, &|| false));
+                });
+            }
         }
     }
     let coarse = ReachOptions { resolution: 0.14, workers: 1, ..options };

@@ -252,10 +252,12 @@ impl Search<'_, '_> {
         let seat = self.footing.seat(orientation).ok()?;
         let mut put = PutDown::new(orientation, seat);
         let to_beat = self.to_beat();
-        if (to_beat >= Some(Rank::Collides) && self.is_foot_blocked(&put, false))
+        // The quickest and likeliest first: the wheel, the joint angles, the leg.
+        let only_success = to_beat == Some(Rank::LiftCollides);
+        if (only_success && self.is_foot_blocked(&put, true))
+            || (to_beat >= Some(Rank::Collides) && self.is_foot_blocked(&put, false))
             || (to_beat >= Some(Rank::NoLift) && self.above(&mut put).is_empty())
-            || (to_beat == Some(Rank::LiftCollides)
-                && (self.is_foot_blocked(&put, true) || !self.is_free_above(&mut put)))
+            || (only_success && !self.is_free_above(&mut put))
         {
             return None;
         }
@@ -294,8 +296,8 @@ impl Search<'_, '_> {
         let wheel = self.footing.seated_frame(put.orientation, &put.seat, lift);
         let zone = self.look.zone_about(put.seat.contact, wheel.origin.into());
         let zone = Some(&zone).filter(|_| !lifted);
-        let hints = &self.hints[put.orientation];
-        let hint = if lifted { hints.lifted[0] } else { hints.down };
+        let hints = &mut self.hints[put.orientation];
+        let hint = if lifted { &mut hints.lifted[0] } else { &mut hints.down };
         let allowance = Allowance { zone, buffered: false };
         let touch = self.quick.foot_touch_at(&wheel, allowance, hint);
         // The wheel is the same solid whatever the pitch of its fork.
@@ -368,7 +370,7 @@ impl Search<'_, '_> {
             if only_success && let Some(touch) = self.lifted(put, above) {
                 return fails(Rank::Unstable, way, Some(touch));
             }
-            let down = self.hints[put.orientation].down;
+            let down = &mut self.hints[put.orientation].down;
             if let Some(touch) = self.quick.touch_at(&frames, allowance, down) {
                 return fails(Rank::Unstable, way, Some(touch));
             }

@@ -225,12 +225,14 @@ impl ElevationMap {
             let clip = |first: f64, count: f64, n: usize| {
                 first.max(0.0) as usize..(first + count).clamp(0.0, n as f64) as usize
             };
+            let (xs, heights) = (clip(x0, columns, grid.nx), self.heights().values());
             for iy in clip(y0, rows, grid.ny) {
-                for ix in clip(x0, columns, grid.nx) {
-                    let z = f64::from(*self.heights().at(ix, iy));
+                let start = grid.position(xs.start, iy) - p;
+                let row = &heights[grid.index(0, iy)..][xs.clone()];
+                for (k, z) in row.iter().enumerate() {
                     if !z.is_nan() {
-                        let d = grid.position(ix, iy) - p;
-                        moments.add(d.x, d.y, z - reference);
+                        let x = start.x + grid.resolution * k as f64;
+                        moments.add(x, start.y, f64::from(*z) - reference);
                     }
                 }
             }

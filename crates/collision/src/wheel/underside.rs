@@ -1,6 +1,5 @@
 //! Bounds of a wheel's lower side from below: planes that touch its round, as the wheel lies above them.
 
-use geometry::Block;
 use nalgebra::{Point2, Point3, Unit, Vector2, Vector3};
 
 use super::Cylinder;
@@ -59,22 +58,53 @@ impl Underside {
         }
     }
 
-    /// As [`over_square`](Self::over_square) for a block of squares, by its highest ground and a parabola
-    /// about the wheel's round: less close, and quicker.
-    pub fn over_block(&self, block: &Block) -> f64 {
-        let Some(level) = &self.level else { return self.lowest - block.top };
-        let half = (block.max - block.min) * 0.5;
-        let middle = block.min - self.center.xy() + half;
-        let spread = |way: &Vector2<f64>| half.x * way.x.abs() + half.y * way.y.abs();
-        let (along, wide) = (level.along.dot(&middle), spread(&level.along));
-        let off = level.aside.dot(&middle).abs() - spread(&level.aside);
-        if along.abs() - wide > level.reach || off > self.radius {
-            return f64::INFINITY;
+    /// As [`over_square`](Self::over_square) for a row of squares from `corner` on, of which the heights of
+    /// the nodes on both sides are given: by their highest ground and a parabola about the wheel's round,
+    /// which is less close, and quicker. Not a number where a height is not.
+    pub fn over_row(&self, corner: Point2<f64>, nodes: [&[f32]; 2], bounds: &mut [f64]) {
+        let higher = |a: f32, b: f32| if a > b || a.is_nan() { a } else { b };
+        let tops = nodes[0].windows(2).zip(nodes[1].windows(2));
+        for (top, (near, far)) in bounds.iter_mut().zip(tops) {
+            *top = f64::from(higher(higher(near[0], near[1]), higher(far[0], far[1])));
         }
+        let Some(level) = &self.level else {
+            bounds.iter_mut().for_each(|bound| *bound = self.lowest - *bound);
+            return;
+        };
+        let side = 2.0 * self.half_side;
+        let middle = corner - self.center.xy() + Vector2::repeat(self.half_side);
+        let (along, aside) = (level.along.dot(&middle), level.aside.dot(&middle));
+        let spread = |way: &Vector2<f64>| self.half_side * (way.x.abs() + way.y.abs());
+        let (wide, off) = (spread(&level.along), spread(&level.aside));
+        let lowest = self.center.z - level.rise.abs() * wide - self.radius * level.steep;
         // A circle lies above the parabola that has its curvature at its lowest point.
-        let off = off.max(0.0);
-        let round = (self.radius - off * off / (2.0 * self.radius)) * level.steep;
-        self.center.z + level.rise * along - level.rise.abs() * wide - round - block.top
+        let bend = 0.5 * level.steep / self.radius;
+        for (k, bound) in bounds.iter_mut().enumerate() {
+            let k = side * f64::from(k as u32);
+            let along = along + level.along.x * k;
+            let off = (aside + level.aside.x * k).abs() - off;
+            let within = if off > 0.0 { off } else { 0.0 };
+            let under = lowest + level.rise * along + bend * within * within - *bound;
+            let beside = along.abs() - wide > level.reach || off > self.radius;
+            *bound = if beside { f64::INFINITY } else { under };
+        }
+    }
+
+    /// First column of a row of squares, of which the first one begins at `corner`, and the one after the
+    /// last one that may lie below the wheel.
+    pub fn columns(&self, corner: Point2<f64>) -> (f64, f64) {
+        let Some(level) = &self.level else { return (0.0, f64::INFINITY) };
+        let (start, side) = (corner - self.center.xy(), 2.0 * self.half_side);
+        let (mut from, mut to) = (f64::NEG_INFINITY, f64::INFINITY);
+        for (way, reach) in [(&level.along, level.reach), (&level.aside, self.radius)] {
+            if way.x.abs() > 1e-9 {
+                // Where the middle of the row, and what it is wide, comes within reach.
+                let middle = -way.y * (start.y + self.half_side) / way.x - start.x;
+                let reach = (reach + self.half_side * way.y.abs()) / way.x.abs();
+                (from, to) = (from.max(middle - reach), to.min(middle + reach));
+            }
+        }
+        ((from / side - 1e-6).floor(), (to / side + 1e-6).floor() + 1.0)
     }
 
     /// A gap that is no larger than any over the square from `corner` on, with these heights at its

@@ -60,12 +60,14 @@ fn what_follows_closely_is_answered_as_anew() {
         let posture = Posture::new(robot, &start);
         let checker = LegChecker::new(&world.scene, &posture, leg, None, None);
         let mut follower = Follower::new(&checker);
+        let mut quick = QuickChecker::new(&checker);
         for walk in 0..cases(24, 400) {
             let mut q = load(robot, leg, walk, &mut rng);
             let most = [0.003, 0.01, 0.04][walk % 3];
             if walk % 5 == 0 {
                 follower.begin();
             }
+            let mut hint = Hint::default();
             for _ in 0..120 {
                 q = step(robot, leg, &q, most, &mut rng);
                 let frames = checker.chain().frames(&q);
@@ -76,6 +78,8 @@ fn what_follows_closely_is_answered_as_anew() {
                 let expected = checker.violation_at(&q, allowance).is_some();
                 let found = follower.touch(&frames, allowance).is_some();
                 assert_eq!(found, expected, "{q:?} {:?}", checker.violation_at(&q, allowance));
+                let hinted = quick.touch(&frames, allowance, &mut hint).is_some();
+                assert_eq!(hinted, expected, "{q:?} {hint:?}");
                 *(if expected { &mut touching } else { &mut free }) += 1;
             }
         }
@@ -100,7 +104,7 @@ fn what_is_in_the_way_of_a_foot_is_so_whatever_the_leg_and_of_a_wheel_whatever_i
             let mut hint = Hint::default();
             let none = Allowance::default();
             let touch = quick.touch(&checker.chain().frames(&q), none, &mut hint);
-            let foot = touch.and_then(|_| quick.foot_touch_at(&wheel, none, hint));
+            let foot = touch.and_then(|_| quick.foot_touch_at(&wheel, none, &mut hint));
             let Some(FootTouch { touch: of, is_wheel }) = foot else { continue };
             assert_eq!(Some(of), touch);
             of_foot += 1;

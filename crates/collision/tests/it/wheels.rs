@@ -2,7 +2,7 @@
 
 use collision::{contact_center, wheel_ground};
 use geometry::{Grid, Raster};
-use nalgebra::{Isometry3, Point2, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point2, Point3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rover::WheelPose;
@@ -95,6 +95,106 @@ fn on_rough_ground_the_gap_is_that_of_a_dense_cloud() {
             assert!(gap > cloud - 4e-3, "{gap} far below the cloud's {cloud}");
         }
     }
+}
+
+/// Height of a solid wheel's (or ball's) lower side above `p`: the vertical line cut to the solid in the
+/// wheel's own frame.
+fn lower_side(wheel: &WheelPose, p: Point2<f64>) -> Option<f64> {
+    let line = |z: f64| wheel.world_from_wheel.inverse_transform_point(&Point3::new(p.x, p.y, z));
+    let (start, way) = (line(0.0), line(1.0) - line(0.0));
+    // Roots of |start + z way|² = radius², of all coordinates or of those across the axle.
+    let (from, along) = match wheel.ball {
+        true => (start.coords, way),
+        false => (Vector3::new(start.x, 0.0, start.z), Vector3::new(way.x, 0.0, way.z)),
+    };
+    let (a, b, c) =
+        (along.dot(&along), from.dot(&along), from.dot(&from) - wheel.radius * wheel.radius);
+    let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
+    if a > 1e-20 {
+        let root = (b * b - a * c).sqrt();
+        (low, high) = ((-b - root) / a, (-b + root) / a);
+    }
+    if low.is_nan() || (a <= 1e-20 && c > 0.0) {
+        return None;
+    }
+    if !wheel.ball {
+        let sides = [-0.5, 0.5].map(|side| (side * wheel.width - start.y) / way.y);
+        low = low.max(sides[0].min(sides[1]));
+        high = high.min(sides[0].max(sides[1]));
+    }
+    (low <= high).then_some(low)
+}
+
+/// The smallest gap along all edges of the map by dense sampling and golden section.
+fn gap_along_edges(wheel: &WheelPose, map: &ElevationMap) -> f64 {
+    let grid = map.grid();
+    let node = |ix, iy| (grid.position(ix, iy), f64::from(*map.heights().at(ix, iy)));
+    let mut least = f64::INFINITY;
+    let far = wheel.radius.hypot(wheel.width) + grid.resolution;
+    for iy in 0..grid.ny - 1 {
+        for ix in 0..grid.nx - 1 {
+            if (grid.position(ix, iy) - wheel.center().xy()).norm() > far + grid.resolution {
+                continue;
+            }
+            let ends = [(ix, iy), (ix + 1, iy), (ix, iy + 1)].map(|(ix, iy)| node(ix, iy));
+            for [(a, za), (b, zb)] in [[ends[0], ends[1]], [ends[0], ends[2]], [ends[1], ends[2]]] {
+                let gap = |t: f64| {
+                    let lower = lower_side(wheel, a + (b - a) * t)?;
+                    Some(lower - (za + (zb - za) * t))
+                };
+                let or_far = |t: f64| gap(t).unwrap_or(f64::INFINITY);
+                let n = 200;
+                let best = (0..=n).map(|i| i as f64 / n as f64).filter(|t| gap(*t).is_some());
+                let Some(t) = best.min_by(|a, b| or_far(*a).total_cmp(&or_far(*b))) else {
+                    continue;
+                };
+                let step = 1.0 / n as f64;
+                let (mut low, mut high) = ((t - step).max(0.0), (t + step).min(1.0));
+                for _ in 0..50 {
+                    let third = (high - low) / 3.0;
+                    let (g, h) = (or_far(low + third), or_far(high - third));
+                    // Beside the wheel is on the far side of the best sample.
+                    let upper_goes = g < h || (h.is_infinite() && (g.is_finite() || high > t));
+                    if upper_goes && !(g.is_infinite() && low + third < t) {
+                        high -= third;
+                    } else {
+                        low += third;
+                    }
+                }
+                least = least.min(or_far(t)).min(or_far(0.5 * (low + high)));
+            }
+        }
+    }
+    least
+}
+
+#[test]
+fn on_rough_ground_no_edge_is_nearer_than_the_gap_and_where_one_decides_it_is_that_near() {
+    let mut rng = ChaCha8Rng::seed_from_u64(9);
+    let mut decided = 0;
+    for resolution in [0.05, 0.13, 0.4] {
+        let n = (3.0 / resolution) as usize;
+        let grid = Grid { origin: Point2::new(-1.5, -1.5), resolution, nx: n, ny: n };
+        let rough = 0.4 * resolution as f32;
+        let heights = Raster::from_fn(grid, |_, _| rng.random_range(-rough..rough));
+        let map = ElevationMap::new(heights, Source::file("test"));
+        for i in 0..45 {
+            let center = Vector3::from_fn(|_, _| rng.random_range(-0.5..0.5));
+            // Axles nearly level, leaning by anything, and upright; balls too.
+            let lean = [0.02, 1.0, 3.0][i % 3];
+            let turn = match i {
+                0..3 => Vector3::x() * [0.0, 0.5, 1.0][i] * std::f64::consts::PI,
+                _ => Vector3::from_fn(|_, _| rng.random_range(-lean..lean)),
+            };
+            let wheel = WheelPose { ball: i % 9 == 8, ..wheel(center, turn) };
+            let gap = wheel_ground(&wheel, &map, |_| true).nearest.unwrap().gap;
+            let edges = gap_along_edges(&wheel, &map);
+            assert!(gap <= edges + 1e-8, "{wheel:?}: {gap}, an edge {edges}");
+            decided += usize::from(gap > edges - 1e-8);
+        }
+    }
+    // Within a triangle only its own lowest point can be nearer.
+    assert!(decided > 60, "{decided}");
 }
 
 #[test]

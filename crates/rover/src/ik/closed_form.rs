@@ -211,7 +211,8 @@ impl LegIk {
         let all = wanted == Wanted::All;
         let axes = self.axes(base_from_wheel);
         let mut solutions = IkSolutions::new();
-        for arm in self.arms(&base_from_wheel.point(&self.wheel_from_wrist))? {
+        let within = Some(leg).filter(|_| !all);
+        for arm in self.arms(&base_from_wheel.point(&self.wheel_from_wrist), within)? {
             let placed = arm.placed(leg);
             if all || placed.within_limits {
                 let both = self.both_wrists(leg, &arm, &placed, &axes);
@@ -231,7 +232,7 @@ impl LegIk {
     ) -> Option<LegAngles> {
         let axes = self.axes(base_from_wheel);
         let (mut nearest, mut least) = (None, f64::INFINITY);
-        for arm in self.arms(&base_from_wheel.point(&self.wheel_from_wrist)).ok()? {
+        for arm in self.arms(&base_from_wheel.point(&self.wheel_from_wrist), Some(leg)).ok()? {
             let placed = arm.placed(leg);
             let so_far = (0..3).map(|i| (placed.angles[i] - to[i]).abs()).fold(0.0, f64::max);
             if !placed.within_limits || so_far >= least {
@@ -322,7 +323,7 @@ impl LegIk {
         let axis_6 = self.plane_from_base * axis.into_inner();
         let q6 = 0.0_f64.clamp(leg.lower[5], leg.upper[5]);
         let mut solutions = IkSolutions::new();
-        for arm in self.arms(&wrist)? {
+        for arm in self.arms(&wrist, None)? {
             let placed = arm.placed(leg);
             let bend = self.bend(&(self.wrist_from_plane * arm.unturn(&axis_6)));
             solutions.push(placed.with_wrist(leg, false, [bend.q4, bend.q5, q6]));
@@ -333,8 +334,13 @@ impl LegIk {
         Ok(solutions)
     }
 
-    /// Hip and knee angles that bring the wrist to a point.
-    fn arms(&self, wrist: &Point3<f64>) -> Result<ArrayVec<Arm, 4>, NoSolution> {
+    /// Hip and knee angles that bring the wrist to a point; those whose yaw or knee is beyond the limits
+    /// of `within` are left out.
+    fn arms(
+        &self,
+        wrist: &Point3<f64>,
+        within: Option<&Leg>,
+    ) -> Result<ArrayVec<Arm, 4>, NoSolution> {
         let from_hip = self.plane_from_base * (wrist - self.hip);
         let radius_squared = from_hip.x * from_hip.x + from_hip.y * from_hip.y;
         let forward_squared = radius_squared - self.offset * self.offset;
@@ -345,7 +351,7 @@ impl LegIk {
         let forward = forward_squared.sqrt();
         let height = from_hip.z - self.shoulder.z;
         let mut arms = ArrayVec::new();
-        let mut nearest = f64::INFINITY;
+        let (mut nearest, mut is_reached) = (f64::INFINITY, false);
         let sides = if forward < 1e-12 { &[1.0][..] } else { &[1.0, -1.0][..] };
         for &side in sides {
             let f = side * forward;
@@ -357,28 +363,38 @@ impl LegIk {
                     (from_hip.y * f - from_hip.x * self.offset) / radius_squared,
                 )
             };
-            match self.knees(f - self.shoulder.x, height) {
-                Ok(knees) => arms.extend(knees.into_iter().map(|knee| Arm {
-                    branch: Branch {
-                        outward: side > 0.0,
-                        knee_flipped: knee.flipped,
-                        wrist_flipped: false,
-                    },
-                    angles: [yaw.angle, knee.hip_pitch, knee.knee_pitch],
-                    yaw: (yaw.cos, yaw.sin),
-                    pitch: knee.pitch,
-                })),
+            let x = f - self.shoulder.x;
+            if within.is_some_and(|leg| fitted(leg, 0, yaw.angle).is_none()) {
+                nearest = nearest.min(self.overreach(x * x + height * height));
+                is_reached |= nearest <= 0.0;
+                continue;
+            }
+            match self.knees(x, height, within) {
+                Ok(knees) => {
+                    is_reached = true;
+                    arms.extend(knees.into_iter().map(|knee| Arm {
+                        branch: Branch {
+                            outward: side > 0.0,
+                            knee_flipped: knee.flipped,
+                            wrist_flipped: false,
+                        },
+                        angles: [yaw.angle, knee.hip_pitch, knee.knee_pitch],
+                        yaw: (yaw.cos, yaw.sin),
+                        pitch: knee.pitch,
+                    }));
+                }
                 Err(distance) => nearest = nearest.min(distance),
             }
         }
-        if arms.is_empty() {
+        if !is_reached {
             return Err(unreachable(nearest, "outside the reach of thigh and calf"));
         }
         Ok(arms)
     }
 
-    /// The two-link problem in the leg's plane; the error is the distance missed (m).
-    fn knees(&self, x: f64, w: f64) -> Result<ArrayVec<Knee, 2>, f64> {
+    /// The two-link problem in the leg's plane, without knees beyond the limits of `within`; the error is
+    /// the distance missed (m).
+    fn knees(&self, x: f64, w: f64, within: Option<&Leg>) -> Result<ArrayVec<Knee, 2>, f64> {
         let (l1, l2) = (self.thigh, self.calf);
         let square = x * x + w * w;
         let cosine = (square - l1 * l1 - l2 * l2) / (2.0 * l1 * l2);
@@ -391,6 +407,10 @@ impl LegIk {
         let knee = |flipped: bool| {
             let (bend, sine) = if flipped { (-bend, -sine) } else { (bend, sine) };
             let (thigh, zero) = (&self.thigh_direction, &self.knee_zero);
+            let knee_pitch = wrapped(wrapped(bend + zero.angle) * self.axis_3_sign);
+            if within.is_some_and(|leg| fitted(leg, 2, knee_pitch).is_none()) {
+                return None;
+            }
             // Where thigh and calf lead at hip pitch zero.
             let x0 = l1 * thigh.cos + l2 * (thigh.cos * cosine - thigh.sin * sine);
             let w0 = l1 * thigh.sin + l2 * (thigh.sin * cosine + thigh.cos * sine);
@@ -401,17 +421,13 @@ impl LegIk {
             };
             let (ck, sk) =
                 (zero.cos * cosine - zero.sin * sine, zero.sin * cosine + zero.cos * sine);
-            Knee {
-                flipped,
-                hip_pitch: hip.angle,
-                knee_pitch: wrapped(wrapped(bend + zero.angle) * self.axis_3_sign),
-                pitch: (hip.cos * ck - hip.sin * sk, hip.sin * ck + hip.cos * sk),
-            }
+            let pitch = (hip.cos * ck - hip.sin * sk, hip.sin * ck + hip.cos * sk);
+            Some(Knee { flipped, hip_pitch: hip.angle, knee_pitch, pitch })
         };
         let mut knees = ArrayVec::new();
-        knees.push(knee(false));
+        knees.extend(knee(false));
         if sine >= 1e-12 {
-            knees.push(knee(true));
+            knees.extend(knee(true));
         }
         Ok(knees)
     }
@@ -504,18 +520,19 @@ impl IkSolution {
 
     /// Joint `i` at `q` in (-π, π], or a whole turn from there if only that is within its limits.
     fn place(&mut self, leg: &Leg, i: usize, q: f64) {
-        let (lower, upper) = (leg.lower[i], leg.upper[i]);
-        let inside = |q: f64| q >= lower - LIMIT_SLACK && q <= upper + LIMIT_SLACK;
-        let other = if q > 0.0 { q - TAU } else { q + TAU };
-        if inside(q) {
-            self.angles[i] = q.max(lower).min(upper);
-        } else if inside(other) {
-            self.angles[i] = other.max(lower).min(upper);
-        } else {
-            self.angles[i] = q;
-            self.within_limits = false;
-        }
+        let fitted = fitted(leg, i, q);
+        self.angles[i] = fitted.unwrap_or(q);
+        self.within_limits &= fitted.is_some();
     }
+}
+
+/// An angle of joint `i` within its limits that is `q` in (-π, π] or a whole turn from there.
+fn fitted(leg: &Leg, i: usize, q: f64) -> Option<f64> {
+    let (lower, upper) = (leg.lower[i], leg.upper[i]);
+    let inside = |q: f64| q >= lower - LIMIT_SLACK && q <= upper + LIMIT_SLACK;
+    let other = if q > 0.0 { q - TAU } else { q + TAU };
+    let q = [q, other].into_iter().find(|q| inside(*q))?;
+    Some(q.max(lower).min(upper))
 }
 
 type Line = (Point3<f64>, Unit<Vector3<f64>>);
