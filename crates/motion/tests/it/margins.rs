@@ -2,7 +2,7 @@
 
 use collision::ground_normal;
 use motion::{
-    MOST_SAMPLES, MarginSample, Outcome, Phase, StepAnswer, StepRequest, Target, Unwatched,
+    MOST_SAMPLES, MarginSample, Outcome, Phase, StepAnswer, StepRequest, Stretch, Target, Unwatched,
     base_between, margins_along, plan_step,
 };
 use nalgebra::{Point3, Vector3};
@@ -87,7 +87,7 @@ fn check(
 fn samples_are_what_the_full_assessment_says_at_their_times() {
     for preference in [Preference::Regular, Preference::Conservative] {
         let (scene, start, answer) = step(|r| r.preference = preference);
-        let samples = margins_along(&scene, &start, LEG, &answer, FRICTION);
+        let samples = margins_along(&scene, &[Stretch::of_step(&start, LEG, &answer)], FRICTION);
         assert_eq!(samples.len(), MOST_SAMPLES);
         let last = answer.waypoints.last().unwrap().time;
         assert_eq!(samples[0].time, 0.0);
@@ -126,8 +126,8 @@ fn a_transit_alone_and_no_path_have_no_margins() {
     let lifted = start.with_leg(LEG, raised(0.3));
     let transit = plan_step(&scene, &lifted, MOON, &request, &mut Unwatched);
     assert!(!transit.waypoints.is_empty(), "{}", transit.reason);
-    assert_eq!(margins_along(&scene, &lifted, LEG, &transit, FRICTION), []);
+    assert_eq!(margins_along(&scene, &[Stretch::of_step(&lifted, LEG, &transit)], FRICTION), []);
     let far = StepRequest::new(LEG, Target::Ground(Point3::new(9.0, 9.0, 0.0)), 1.0);
     let none = plan_step(&scene, &start, MOON, &far, &mut Unwatched);
-    assert_eq!(margins_along(&scene, &start, LEG, &none, FRICTION), []);
+    assert_eq!(margins_along(&scene, &[Stretch::of_step(&start, LEG, &none)], FRICTION), []);
 }
