@@ -86,7 +86,8 @@ impl Part<'_> {
         let mut posture = Posture::new(robot, lifted);
         let sample = |(time, [a, b], t): (f64, [&Waypoint; 2], f64)| {
             let com = if self.is_shift {
-                let (a, b) = (a.stance.as_ref().unwrap_or(start), b.stance.as_ref().unwrap_or(start));
+                let (a, b) =
+                    (a.stance.as_ref().unwrap_or(start), b.stance.as_ref().unwrap_or(start));
                 let here = base_between(robot, a, b, &strip.legs, t);
                 Posture::new(robot, &here).center_of_mass(robot)
             } else {

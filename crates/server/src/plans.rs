@@ -185,10 +185,11 @@ impl<'a> Taken<'a> {
     ) -> Result<Taken<'a>, ApiError> {
         let leg = accident.leg.chars().take(64).collect::<String>();
         let legs = answer.rehearsal.iter().flat_map(|rehearsal| &rehearsal.legs);
-        let accidents = legs.into_iter().find(|accidents| accidents.leg == leg).ok_or_else(|| {
-            let message = format!("way_back.leg is {leg:?}, of which nothing was rehearsed");
-            ApiError::new("way_back_unknown", message)
-        })?;
+        let accidents =
+            legs.into_iter().find(|accidents| accidents.leg == leg).ok_or_else(|| {
+                let message = format!("way_back.leg is {leg:?}, of which nothing was rehearsed");
+                ApiError::new("way_back_unknown", message)
+            })?;
         let (aftermath, what) = match accident.kind {
             PostureAccidentKind::Lost => (&accidents.lost, format!("{leg} is lost")),
             PostureAccidentKind::Settled => {

@@ -4,15 +4,16 @@ use std::cell::RefCell;
 
 use motion::{
     Advice, AdviceError, AdviceOptions, Aftermath, Answer, Barrier, Change, Freedom, Limit,
-    Margins, Motion, Proposal, Region, RehearsalOptions, Stopped, Stretch, Watch, WayBack, Wish, advise,
-    rehearse,
+    Margins, Motion, Proposal, Region, RehearsalOptions, Stopped, Stretch, Watch, WayBack, Wish,
+    advise, rehearse,
 };
 use rover::{LegId, Robot};
 use wire::analysis::{
     AdviceRequest, PlanBasis, PlanCommand, PlanPhase, PlanWaypoint, PostureAccidents,
     PostureAdvice, PostureAftermath, PostureAnswer, PostureBarrier, PostureBest, PostureChange,
-    PostureCost, PostureFreedom, PostureLimit, PostureMargins, PostureMotion, PostureOutcome, PostureProposal,
-    PostureRehearsal, PostureRequest, PostureWayBack, PostureWayOutcome, RehearsalRequest,
+    PostureCost, PostureFreedom, PostureLimit, PostureMargins, PostureMotion, PostureOutcome,
+    PostureProposal, PostureRehearsal, PostureRequest, PostureWayBack, PostureWayOutcome,
+    RehearsalRequest,
 };
 use wire::check::{self, At, RequestError};
 use wire::convert;
