@@ -9,6 +9,8 @@ import { askShown, lookAt } from "./posture";
 import { useConsole } from "./console";
 import { takePlan } from "./plan";
 import { shownBasis } from "./reach";
+import { chooseLeg } from "./selection";
+import { useView } from "./view";
 
 export interface RehearsalState {
   /** Being asked for; the job only of the live rover. */
@@ -67,8 +69,13 @@ export async function takeWayBack(accident: PostureAccident): Promise<void> {
   set({ taking: accident, failure: null });
   try {
     const plan = await api.planPosture(id, { way_back: accident });
+    if (useRehearsal.getState().id !== id) return;
     lookAt("", null);
-    if (useRehearsal.getState().id === id) takePlan(plan, basis);
+    // A choice of another leg would drop the plan: the leg first.
+    chooseLeg(accident.leg);
+    takePlan(plan, basis);
+    // What was taken up is looked at next.
+    useView.setState({ tab: "step" });
   } catch (error) {
     set({ failure: sentenceOf(error) });
   } finally {
