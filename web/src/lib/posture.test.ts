@@ -221,8 +221,8 @@ describe("ways back", () => {
       { leg: "leg2", kind: "settled" },
     ]);
     expect(ways.map((way) => way.says)).toEqual([
-      "Leg 1 is lost: 0.03 m → 0.10 m",
-      "Leg 2 settles: 0.03 m → 0.25 m",
+      "Leg 1 lost: 0.03 → 0.10 m",
+      "Leg 2 settles: 0.03 → 0.25 m",
     ]);
     expect(waysBack([])).toEqual([]);
   });

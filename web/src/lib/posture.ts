@@ -258,8 +258,8 @@ export function waysBack(legs: PostureAccidents[]): WayBack[] {
     const of = (kind: PostureAccident["kind"], { way_back, margin_m }: PostureAftermath) => {
       const { outcome, end, margins } = way_back;
       if (outcome !== "found" || !end) return [];
-      const what = kind === "lost" ? "is lost" : "settles";
-      const gives = `${metres(margin_m)} → ${metres(margins?.regular_m)}`;
+      const what = kind === "lost" ? "lost" : "settles";
+      const gives = `${metres(margin_m).replace(" m", "")} → ${metres(margins?.regular_m)}`;
       return [
         { accident: { leg, kind }, end, says: `${capital(legLabel(leg))} ${what}: ${gives}` },
       ];
