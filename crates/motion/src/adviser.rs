@@ -24,6 +24,7 @@ use stability::{Preference, StanceGuard};
 use crate::answer::{Finding, Waypoint};
 use crate::check::touch_text;
 use crate::footing::Footing;
+use crate::margins::Stretch;
 use crate::shift::{Barrier, Freedom, Wanted};
 use crate::watch::{Stage, Stopped, Watch};
 
@@ -129,6 +130,23 @@ pub struct Motion {
     pub waypoints: Vec<Waypoint>,
     /// What the final check found.
     pub findings: Vec<Finding>,
+    /// Feet that bear while the body shifts, with their contacts (m).
+    pub on_ground: Vec<(LegId, Point3<f64>)>,
+    /// Feet that bear while the leg moves.
+    pub standing: Vec<(LegId, Point3<f64>)>,
+}
+
+impl Motion {
+    /// What the margins along it are taken of.
+    pub fn stretch(&self) -> Stretch<'_> {
+        Stretch {
+            leg: self.leg,
+            start: &self.start,
+            waypoints: &self.waypoints,
+            on_ground: &self.on_ground,
+            standing: &self.standing,
+        }
+    }
 }
 
 /// What a change costs.

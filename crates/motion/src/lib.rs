@@ -47,7 +47,7 @@ pub use answer::{
     Buffers, Constraint, EdgeRule, Finding, Footfall, Outcome, PathPlanner, Phase, Planner,
     Statistics, StepAnswer, StepRequest, Target, Waypoint,
 };
-pub use margins::{MOST_SAMPLES, MarginSample, margins_along};
+pub use margins::{MOST_SAMPLES, MarginSample, Stretch, margins_along};
 pub use rehearsal::{Aftermath, LegRehearsal, Rehearsal, RehearsalOptions, WayBack, rehearse};
 pub use shift::{
     Barrier, BodyClear, CertifiedBody, Freedom, NoShift, SampledBody, ShiftPlan, ShiftRequest,

@@ -1,4 +1,4 @@
-//! What a step has to spare at some times along it, for people to look at.
+//! What a step, or the way to a posture, has to spare at some times along it, for people to look at.
 
 use collision::Scene;
 use nalgebra::Point3;
@@ -9,13 +9,13 @@ use crate::answer::{StepAnswer, Waypoint};
 use crate::footing::Footing;
 use crate::shift::base_between;
 
-/// Most samples of a step.
+/// Most samples of a plan.
 pub const MOST_SAMPLES: usize = 64;
 
-/// All margins of a step at one time, over the feet that stand.
+/// All margins at one time, over the feet that stand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MarginSample {
-    /// Time from the start of the step (s).
+    /// Time from the start (s).
     pub time: f64,
     /// Regular margin (m).
     pub regular: Option<f64>,
@@ -29,47 +29,102 @@ pub struct MarginSample {
     pub critical: Option<[LegId; 2]>,
 }
 
-/// All margins of `answer`, a step of `leg` from `start`, at up to [`MOST_SAMPLES`] times, even in
-/// time within the body shift and within the motion of the leg. Where the leg is lifted after a shift
-/// there are two samples at one time: on all feet, and without the leg. `friction` is the coefficient
-/// under all feet. Empty where nothing stands: for a transit alone, and without waypoints.
-pub fn margins_along(
-    scene: &Scene,
-    start: &Configuration,
-    leg: LegId,
-    answer: &StepAnswer,
-    friction: f64,
-) -> Vec<MarginSample> {
-    let waypoints = &answer.waypoints[..];
-    let n_shift = waypoints.iter().take_while(|w| w.stance.is_some()).count();
-    let stepping = &waypoints[n_shift.saturating_sub(1)..];
-    let (Some(first), Some(lifted), Some(last)) =
-        (waypoints.first(), stepping.first(), waypoints.last())
-    else {
-        return Vec::new();
-    };
-    let robot = scene.robot();
-    let strip = |feet: &[(LegId, Point3<f64>)]| Strip::new(scene, feet, friction);
-    let mut samples = Vec::new();
-    let mut most = MOST_SAMPLES;
-    if n_shift > 1 && !answer.on_ground.is_empty() {
-        let strip = strip(&answer.on_ground);
-        let share = (lifted.time - first.time) / (last.time - first.time).max(f64::MIN_POSITIVE);
-        let n = ((MOST_SAMPLES as f64 * share).round() as usize).clamp(2, MOST_SAMPLES - 2);
-        most -= n;
-        samples.extend(even(&waypoints[..n_shift], n).map(|(time, [a, b], t)| {
-            let (a, b) = (a.stance.as_ref().unwrap_or(start), b.stance.as_ref().unwrap_or(start));
-            let here = base_between(robot, a, b, &strip.legs, t);
-            strip.sample(time, &Posture::new(robot, &here).center_of_mass(robot))
-        }));
+/// A motion of one leg, with the shift of the body before it, and the feet that it rests on.
+#[derive(Debug, Clone, Copy)]
+pub struct Stretch<'a> {
+    /// The leg that moves by itself.
+    pub leg: LegId,
+    /// Where the rover is at its beginning.
+    pub start: &'a Configuration,
+    /// Knots with times: those with a stance shift the body, and come first.
+    pub waypoints: &'a [Waypoint],
+    /// Feet that bear during the shift, with their contacts (m).
+    pub on_ground: &'a [(LegId, Point3<f64>)],
+    /// Feet that bear while the leg moves.
+    pub standing: &'a [(LegId, Point3<f64>)],
+}
+
+impl<'a> Stretch<'a> {
+    /// A step of `leg` from `start`.
+    pub fn of_step(start: &'a Configuration, leg: LegId, answer: &'a StepAnswer) -> Stretch<'a> {
+        let StepAnswer { waypoints, on_ground, standing, .. } = answer;
+        Stretch { leg, start, waypoints, on_ground, standing }
     }
-    if stepping.len() > 1 && !answer.standing.is_empty() {
-        let strip = strip(&answer.standing);
-        let mut posture = Posture::new(robot, lifted.stance.as_ref().unwrap_or(start));
-        samples.extend(even(stepping, most).map(|(time, [a, b], t)| {
-            posture.move_leg(robot, leg, &a.angles.lerp(&b.angles, t));
-            strip.sample(time, &posture.center_of_mass(robot))
-        }));
+
+    /// Its shift and its motion of the leg, as far as they are there and something bears.
+    fn parts(self, begin: f64) -> Vec<Part<'a>> {
+        let n_shift = self.waypoints.iter().take_while(|w| w.stance.is_some()).count();
+        let (shift, stepping) =
+            (&self.waypoints[..n_shift], &self.waypoints[n_shift.saturating_sub(1)..]);
+        let part = |waypoints, feet, is_shift| Part { of: self, waypoints, feet, is_shift, begin };
+        [part(shift, self.on_ground, true), part(stepping, self.standing, false)]
+            .into_iter()
+            .filter(|part| part.waypoints.len() > 1 && !part.feet.is_empty())
+            .collect()
+    }
+}
+
+/// Waypoints over which the same feet bear.
+struct Part<'a> {
+    of: Stretch<'a>,
+    waypoints: &'a [Waypoint],
+    feet: &'a [(LegId, Point3<f64>)],
+    is_shift: bool,
+    /// Time at which its stretch begins (s).
+    begin: f64,
+}
+
+impl Part<'_> {
+    fn duration(&self) -> f64 {
+        self.waypoints[self.waypoints.len() - 1].time - self.waypoints[0].time
+    }
+
+    fn samples(&self, scene: &Scene, friction: f64, n: usize) -> Vec<MarginSample> {
+        let (robot, start) = (scene.robot(), self.of.start);
+        let strip = Strip::new(scene, self.feet, friction);
+        let lifted = self.waypoints[0].stance.as_ref().unwrap_or(start);
+        let mut posture = Posture::new(robot, lifted);
+        let sample = |(time, [a, b], t): (f64, [&Waypoint; 2], f64)| {
+            let com = if self.is_shift {
+                let (a, b) =
+                    (a.stance.as_ref().unwrap_or(start), b.stance.as_ref().unwrap_or(start));
+                let here = base_between(robot, a, b, &strip.legs, t);
+                Posture::new(robot, &here).center_of_mass(robot)
+            } else {
+                posture.move_leg(robot, self.of.leg, &a.angles.lerp(&b.angles, t));
+                posture.center_of_mass(robot)
+            };
+            strip.sample(self.begin + time, &com)
+        };
+        even(self.waypoints, n).map(sample).collect()
+    }
+}
+
+/// All margins along motions that follow each other without a pause, at up to [`MOST_SAMPLES`] times,
+/// even in time within each shift of the body and each motion of a leg. Where other feet bear there are
+/// two samples at one time, as when a leg is lifted after a shift: on all feet, and without the leg.
+/// `friction` is the coefficient under all feet. What nothing bears has no samples, as a transit alone,
+/// nor has what has no waypoints; of more parts than half the samples the last are left out.
+pub fn margins_along(scene: &Scene, stretches: &[Stretch], friction: f64) -> Vec<MarginSample> {
+    let mut begin = 0.0;
+    let mut parts: Vec<Part> = Vec::new();
+    for stretch in stretches {
+        parts.extend(stretch.parts(begin));
+        begin += stretch.waypoints.last().map_or(0.0, |w| w.time);
+    }
+    parts.truncate(MOST_SAMPLES / 2);
+    let mut left: f64 = parts.iter().map(Part::duration).sum();
+    let mut most = MOST_SAMPLES;
+    let mut samples = Vec::new();
+    for (i, part) in parts.iter().enumerate() {
+        // Each has its two ends; what is over is shared by time, and the last takes all of it.
+        let after = parts.len() - 1 - i;
+        let over = (most - 2 * (after + 1)) as f64;
+        let share = if after == 0 { 1.0 } else { part.duration() / left.max(f64::MIN_POSITIVE) };
+        let n = 2 + (over * share.clamp(0.0, 1.0)).round() as usize;
+        samples.extend(part.samples(scene, friction, n));
+        most -= n;
+        left -= part.duration();
     }
     samples
 }

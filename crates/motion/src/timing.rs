@@ -19,12 +19,17 @@
 //! masses move alike at height h this is the cart-table's a ≤ g σ / h. Links count as points: the
 //! model has no inertia.
 //!
+//! **Friction.** Where the rule is friction's, accelerations use up a part of it: the contacts must also
+//! give the horizontal force and the moment about gravity ([`stability::shear`]). What they can give is
+//! convex, and s" and s'² lie in the rectangle with the corners (±A, 0) and (±A, c A): A is held where it
+//! is at these four. That no foot slips then is exact for the linearized cones; m1 is kept at the ZMP.
+//!
 //! Positions and their derivatives are sampled; what lies between samples is covered by taking the
 //! worse of neighbors and by a factor. Meters, radians, seconds; `gravity` in m/s² along -z.
 
 use nalgebra::{Point3, Vector2, Vector3};
 use rover::{Configuration, LegAngles, LegId, Posture, Robot};
-use stability::StanceGuard;
+use stability::{Footholds, StanceGuard, Wrench};
 
 use crate::shift::Executed;
 
@@ -258,6 +263,8 @@ struct Demand {
     spare: f64,
     horizontal: f64,
     vertical: f64,
+    /// The largest A under which no foot slips.
+    grip: f64,
 }
 
 /// The largest acceleration of the share (1/s²) under which the rule holds at the ZMP; the error is
@@ -271,7 +278,7 @@ fn stability_bound(
 ) -> Result<f64, f64> {
     let n = ((change / INTERVAL).ceil() as usize).clamp(2, INTERVALS);
     let demands: Vec<Demand> =
-        (0..=n).map(|i| demand(robot, guard, i as f64 / n as f64, masses_at)).collect();
+        (0..=n).map(|i| demand(robot, guard, gravity, i as f64 / n as f64, masses_at)).collect();
     let least = demands.iter().map(|d| d.spare).fold(f64::INFINITY, f64::min);
     if least <= 0.0 || least.is_nan() {
         return Err(-least);
@@ -280,7 +287,8 @@ fn stability_bound(
         let spare = ends[0].spare.min(ends[1].spare);
         let horizontal = ends[0].horizontal.max(ends[1].horizontal);
         let vertical = ends[0].vertical.max(ends[1].vertical);
-        gravity * spare / (horizontal + vertical * spare)
+        let held = gravity * spare / (horizontal + vertical * spare);
+        held.min(ends[0].grip).min(ends[1].grip)
     });
     Ok(SHARE * bound.fold(f64::INFINITY, f64::min))
 }
@@ -288,6 +296,7 @@ fn stability_bound(
 fn demand(
     robot: &Robot,
     guard: &StanceGuard,
+    gravity: f64,
     share: f64,
     masses_at: &dyn Fn(f64) -> Masses,
 ) -> Demand {
@@ -325,9 +334,31 @@ fn demand(
         (0..here.len()).map(|i| rate(i).z * robot.links()[i].mass / total).sum::<f64>().abs()
     };
     let c = 2.0 * share.min(1.0 - share);
+    let wrench = |rate: &dyn Fn(usize) -> Vector3<f64>| {
+        let mut sum = Wrench { force: Vector3::zeros(), moment: Vector3::zeros() };
+        for (i, link) in robot.links().iter().enumerate() {
+            let force = rate(i) * (link.mass / (total * gravity));
+            sum.force += force;
+            sum.moment += (here[i] - com).cross(&force);
+        }
+        sum
+    };
+    let grip = |footholds| grip(footholds, &com, &wrench(&first), &wrench(&second), c);
     Demand {
+        grip: guard.footholds().map_or(f64::INFINITY, grip),
         spare: guard.spare(&com),
         horizontal: moment(&first) + c * moment(&second),
         vertical: rise(&first) + c * rise(&second),
     }
+}
+
+/// The largest A that these contacts hold at all corners of (s", s'²) up to (±A, c A), for the wrenches
+/// that each of the two asks for.
+fn grip(footholds: &Footholds, com: &Point3<f64>, first: &Wrench, second: &Wrench, c: f64) -> f64 {
+    let mix = |a: f64, b: f64| Wrench {
+        force: first.force * a + second.force * b,
+        moment: first.moment * a + second.moment * b,
+    };
+    let corners = [mix(1.0, 0.0), mix(-1.0, 0.0), mix(1.0, c), mix(-1.0, c)];
+    corners.iter().map(|wrench| footholds.most(com, wrench)).fold(f64::INFINITY, f64::min)
 }

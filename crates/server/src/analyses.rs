@@ -17,6 +17,8 @@ pub use kinematics::{inverse_kinematics, kinematics};
 pub use plan::{OnProgress, Planned, is_plannable, plan, state_hash};
 pub use plannable::plannable;
 pub use posture::posture;
-pub use reachability::{Reached, explain_cell, preference, reachability, reachability_answer};
+pub use reachability::{
+    Reached, explain_cell, preference, reachability, reachability_again, reachability_answer,
+};
 pub use stability::stability;
 pub use traversability::{Judged, traversability};

@@ -83,6 +83,8 @@ pub const CODES: &[(&str, u16, &str)] = &[
     ("plan_unknown", 404, "no such plan"),
     ("posture_unknown", 404, "no such answer of the posture adviser"),
     ("proposal_index", 422, "an answer of the posture adviser without a proposal of that index"),
+    ("posture_ambiguous", 422, "not exactly one of the ways to say what is taken up"),
+    ("way_back_unknown", 422, "an answer of the posture adviser without a rehearsal of that leg"),
     ("plan_not_sendable", 409, "a plan that was not found or failed its final check"),
     ("command_index", 422, "a plan without a command of that index"),
     ("command_invalid", 422, "a command that this rover cannot execute"),

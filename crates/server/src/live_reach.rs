@@ -4,19 +4,29 @@
 //! for a moment the legs are computed anew, one after the other, by one thread beside the gate of
 //! the analyses, so that no request waits for it: all legs on coarse cells first, then on fine ones. A
 //! change meanwhile ends the work and begins it again: what is kept always belongs to one basis.
+//!
+//! Where only the map has changed, only the cells that the change can matter to are computed anew
+//! ([`before`]). A change of stance computes all: the margin of every cell is taken over all feet, with the
+//! center of mass of the whole rover, so even one other foot that moves changes every leg's cells.
+
+mod before;
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use rover::Configuration;
 use tokio::time::Instant;
 use wire::analysis::{REACH_CLASSES, ReachabilityCells, ReachabilityRequest, StabilityPreference};
+use wire::check::RequestError;
 use wire::live::{JobReport, LegReach, ReachSummary, RoverMode, channel};
 
 use crate::analyses;
 use crate::app::AppState;
 use crate::error::ApiError;
+use crate::scene::Context;
 use crate::stop::Stop;
+use before::{Before, Changed};
 
 /// Time between looks at the stance; a stance is still if it is the same in two.
 const LOOK: Duration = Duration::from_millis(250);
@@ -139,6 +149,7 @@ fn counts(cells: &ReachabilityCells) -> BTreeMap<String, u32> {
 pub async fn run(app: AppState) {
     let mut closing = app.closing.clone();
     let (mut seen, mut done) = (None, None);
+    let mut before = Before::default();
     loop {
         tokio::select! {
             _ = closing.wait_for(|closing| *closing) => return,
@@ -152,7 +163,7 @@ pub async fn run(app: AppState) {
         }
         // What was ended by a change is begun again, should the same basis come back.
         let Some(now) = basis else { continue };
-        done = compute(&app, &now).await.then_some(now);
+        done = compute(&app, &now, &mut before).await.then_some(now);
     }
 }
 
@@ -214,37 +225,52 @@ pub fn not_ready(leg: &str) -> ApiError {
 
 /// Names stance, map and preference; `None` while there is no stance, or the rover moves.
 fn basis(app: &AppState) -> Option<String> {
-    let latest = app.live.latest().ok()?;
-    if latest.frame.mode == RoverMode::Executing {
+    if app.live.latest().ok()?.frame.mode == RoverMode::Executing {
         return None;
     }
-    let configuration = app.live.configuration().ok()?;
-    let state = analyses::state_hash(&configuration);
-    let map = app.store.current().info.version.clone();
-    let preference = app.reach.locked().preference;
-    Some(format!("{state}-{map}-{preference:?}"))
+    let stance = stance(&app.live.configuration().ok()?, app.reach.locked().preference);
+    Some(format!("{stance}-{}", app.store.current().info.version))
+}
+
+/// Names stance and preference.
+fn stance(configuration: &Configuration, preference: StabilityPreference) -> String {
+    format!("{}-{preference:?}", analyses::state_hash(configuration))
 }
 
 /// Computes all legs; `false` if a change ended the work before.
-async fn compute(app: &AppState, basis_of_work: &str) -> bool {
+async fn compute(app: &AppState, basis_of_work: &str, before: &mut Before) -> bool {
+    // All answers are about what the rover is in now, whatever changes meanwhile.
+    let (context, stability) = (Arc::new(app.context()), app.reach.locked().preference);
+    let Some(stance) = context.live.as_ref().and_then(|live| {
+        let stance = stance(live.configuration.as_ref()?, stability);
+        let is_it = format!("{stance}-{}", live.version.info.version) == basis_of_work;
+        is_it.then_some(stance)
+    }) else {
+        return false;
+    };
     let names: Vec<String> = app.live.robot().legs().iter().map(|leg| leg.name.clone()).collect();
     let scale = app.live.robot().scale();
     app.reach.begin(basis_of_work, names.len() * RESOLUTIONS_M.len());
     tell(app);
     let Ok(stop) = Stop::after(Some(DEADLINE_S)) else { return false };
     let guard = stop.guard();
-    let mut before: BTreeMap<String, Known> = BTreeMap::new();
+    let changed = Arc::new(before.changed(&stance, &context));
+    let mut shown: BTreeMap<String, Known> = BTreeMap::new();
+    let mut found = before::Answers::new();
     let all = |resolution_m: f64| names.iter().map(move |name| (resolution_m, name.clone()));
-    let answers: Vec<(f64, String)> = RESOLUTIONS_M.into_iter().flat_map(all).collect();
-    for (resolution_m, name) in answers {
-        let (context, stop) = (app.context(), stop.clone());
+    let answers = RESOLUTIONS_M.into_iter().enumerate();
+    let answers: Vec<(usize, f64, String)> =
+        answers.flat_map(|(i, m)| all(m).map(move |(m, name)| (i, m, name))).collect();
+    for (closeness, resolution_m, name) in answers {
         let request = ReachabilityRequest {
             legs: Some(vec![name.clone()]),
             resolution_m: Some((resolution_m * scale).max(LEAST_RESOLUTION_M)),
-            stability: app.reach.locked().preference,
+            stability,
             ..ReachabilityRequest::default()
         };
-        let work = move || analyses::reachability(&context, &request, 1, &stop);
+        let known = before.answer(closeness, &name);
+        let (context, stop, changed) = (context.clone(), stop.clone(), changed.clone());
+        let work = move || reached(&context, &request, known.as_ref(), &changed, &stop);
         let mut work = tokio::task::spawn_blocking(work);
         let reached = loop {
             tokio::select! {
@@ -260,10 +286,11 @@ async fn compute(app: &AppState, basis_of_work: &str) -> bool {
         match reached {
             Ok(Ok(reached)) => {
                 for (leg, cells) in reached {
+                    found.insert((closeness, leg.clone()), Arc::new(cells.clone()));
                     // Another basis begins only after this work has ended.
-                    app.reach.refine(basis_of_work, &leg, before.get(&name), cells);
+                    app.reach.refine(basis_of_work, &leg, shown.get(&name), cells);
                 }
-                before.extend(app.reach.cells(&name).map(|(_, cells)| (name.clone(), cells)));
+                shown.extend(app.reach.cells(&name).map(|(_, cells)| (name.clone(), cells)));
             }
             Ok(Err(error)) => app.reach.fail(error.to_string()),
             Err(error) => {
@@ -275,7 +302,27 @@ async fn compute(app: &AppState, basis_of_work: &str) -> bool {
         tell(app);
     }
     drop(guard);
+    before.keep(stance, &context, found);
     true
+}
+
+/// One leg's cells: where only the map has changed, from those before.
+fn reached(
+    context: &Context,
+    request: &ReachabilityRequest,
+    before: Option<&Known>,
+    changed: &Changed,
+    stop: &Stop,
+) -> Result<analyses::Reached, RequestError> {
+    match (before, changed, request.legs.as_deref()) {
+        (Some(before), Changed::Nothing, Some([leg])) => {
+            Ok(vec![(leg.clone(), before.as_ref().clone())])
+        }
+        (Some(before), Changed::Within(area), _) => {
+            analyses::reachability_again(context, request, before, area, stop)
+        }
+        _ => analyses::reachability(context, request, 1, stop),
+    }
 }
 
 fn tell(app: &AppState) {

@@ -7,10 +7,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use rover::{Configuration, LegId, Robot};
 use wire::analysis::{
-    PlanAnswer, PlanCommand, PlanPosture, PlanStatistics, PostureAnswer, PostureChange,
-    PostureOutcome, PostureProposal,
+    PlanAnswer, PlanCommand, PlanPosture, PlanStatistics, PostureAccident, PostureAccidentKind,
+    PostureAnswer, PostureChange, PostureMotion, PostureOutcome, PosturePlanRequest,
+    PostureProposal,
 };
-use wire::check::At;
+use wire::check::{At, RequestError};
 use wire::convert;
 use wire::live::{CommandBody, PlanCommandRef, RoverTelemetry};
 
@@ -85,50 +86,134 @@ impl Postures {
     }
 }
 
-/// What the adviser offered, as a plan: its motion is certified and its findings are those of the
-/// final check, as of any plan.
+/// What is to be taken up of an answer of the adviser.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Asked {
+    /// A proposal by its index.
+    Proposal(usize),
+    /// The way back from an accident.
+    WayBack(PostureAccident),
+}
+
+impl Asked {
+    /// Exactly one must be named.
+    pub fn new(request: PosturePlanRequest) -> Result<Asked, ApiError> {
+        match (request.proposal, request.way_back) {
+            (Some(proposal), None) => Ok(Asked::Proposal(proposal)),
+            (None, Some(accident)) => Ok(Asked::WayBack(accident)),
+            _ => {
+                let text = "give one of proposal and way_back";
+                let at = At::root("proposal");
+                Err(RequestError::at("posture_ambiguous", &at, text).into())
+            }
+        }
+    }
+}
+
+/// What the adviser offered, or the way back from an accident that it rehearsed, as a plan: its motion
+/// is certified and its findings are those of the final check, as of any plan.
 pub fn of_posture(
     robot: &Robot,
     id: &str,
     answer: &PostureAnswer,
-    proposal: usize,
+    asked: &Asked,
 ) -> Result<StoredPlan, ApiError> {
-    let unknown = |n: usize| {
-        let message = format!("proposal is {proposal}; {n} postures are offered, counted from 0");
-        ApiError::new("proposal_index", message)
+    let taken = match asked {
+        Asked::Proposal(proposal) => Taken::proposal(answer, *proposal)?,
+        Asked::WayBack(accident) => Taken::way_back(answer, accident)?,
     };
-    let advice = answer.advice.as_ref().ok_or_else(|| unknown(0))?;
-    let offered = advice.offered().nth(proposal);
-    let offered = offered.ok_or_else(|| unknown(advice.offered().count()))?;
+    let Taken { motion, reason, posture } = taken;
     let refused = |message: &str| ApiError::new("plan_not_sendable", message);
-    let Some(start) = offered.waypoints.first().and_then(|knot| knot.stance.as_ref()) else {
+    let Some(start) = motion.waypoints.first().and_then(|knot| knot.stance.as_ref()) else {
         return Err(refused("nothing has to move for this posture: the rover has it already"));
     };
-    if offered.commands.is_empty() || !offered.findings.iter().all(|finding| finding.ok) {
+    if motion.commands.is_empty() || !motion.findings.iter().all(|finding| finding.ok) {
         return Err(refused("the posture did not pass the final check; ask the adviser anew"));
     }
     let start = convert::configuration(&At::root("start"), robot, start)?;
-    let wish_met = advice.outcome == PostureOutcome::Found;
     let answer = PlanAnswer {
         id: Some(id.into()),
         outcome: "found".into(),
-        reason: Some(in_words(&advice.leg, offered)),
-        leg: offered.leg.clone(),
+        reason: Some(reason),
+        leg: motion.leg.clone(),
         target_m: None,
-        waypoints: offered.waypoints.clone(),
-        commands: offered.commands.clone(),
-        findings: offered.findings.clone(),
+        waypoints: motion.waypoints.clone(),
+        commands: motion.commands.clone(),
+        findings: motion.findings.clone(),
         statistics: PlanStatistics { certified: true, ..PlanStatistics::default() },
         basis: answer.basis.clone(),
         footfall: None,
-        margins: Default::default(),
+        margins: motion.margins_along.clone(),
         constraint: None,
         nearest_m: None,
-        retreat: offered.retreat.clone(),
+        retreat: motion.retreat.clone(),
         preload_n: None,
-        posture: Some(PlanPosture { leg: advice.leg.clone(), change: offered.change, wish_met }),
+        posture: Some(posture),
     };
     Ok(StoredPlan { answer, start })
+}
+
+/// What of the adviser's answer is taken up.
+struct Taken<'a> {
+    motion: &'a PostureMotion,
+    reason: String,
+    posture: PlanPosture,
+}
+
+impl<'a> Taken<'a> {
+    fn proposal(answer: &'a PostureAnswer, proposal: usize) -> Result<Taken<'a>, ApiError> {
+        let unknown = |n: usize| {
+            let message =
+                format!("proposal is {proposal}; {n} postures are offered, counted from 0");
+            ApiError::new("proposal_index", message)
+        };
+        let advice = answer.advice.as_ref().ok_or_else(|| unknown(0))?;
+        let offered = advice.offered().nth(proposal);
+        let offered = offered.ok_or_else(|| unknown(advice.offered().count()))?;
+        let wish_met = advice.outcome == PostureOutcome::Found;
+        let leg = advice.leg.clone();
+        Ok(Taken {
+            motion: &offered.motion,
+            reason: in_words(&leg, offered),
+            posture: PlanPosture { leg, change: offered.change, wish_met, accident: None },
+        })
+    }
+
+    fn way_back(
+        answer: &'a PostureAnswer,
+        accident: &PostureAccident,
+    ) -> Result<Taken<'a>, ApiError> {
+        let leg = accident.leg.chars().take(64).collect::<String>();
+        let legs = answer.rehearsal.iter().flat_map(|rehearsal| &rehearsal.legs);
+        let accidents =
+            legs.into_iter().find(|accidents| accidents.leg == leg).ok_or_else(|| {
+                let message = format!("way_back.leg is {leg:?}, of which nothing was rehearsed");
+                ApiError::new("way_back_unknown", message)
+            })?;
+        let (aftermath, what) = match accident.kind {
+            PostureAccidentKind::Lost => (&accidents.lost, format!("{leg} is lost")),
+            PostureAccidentKind::Settled => {
+                (&accidents.settled, format!("the ground settles under {leg}"))
+            }
+        };
+        let motion = aftermath.way_back.motion.as_ref().ok_or_else(|| {
+            let why = match &aftermath.way_back.barrier {
+                Some(barrier) => format!("there is none: {}", barrier.detail),
+                None => "none is needed: the stance is safe as it is".to_owned(),
+            };
+            ApiError::new("plan_not_sendable", format!("if {what}, of a way back {why}"))
+        })?;
+        Ok(Taken {
+            motion,
+            reason: format!("the way back to a safe stance if {what}"),
+            posture: PlanPosture {
+                leg,
+                change: PostureChange::Chassis,
+                wish_met: true,
+                accident: Some(accident.kind),
+            },
+        })
+    }
 }
 
 /// What moves, and what for.
@@ -422,13 +507,14 @@ mod tests {
             });
             serde_json::from_value(json!({ "advice": advice, "basis": plan.basis })).unwrap()
         };
-        let made = of_posture(&robot, "p", &answer("found", proposal.clone()), 0).unwrap();
+        let asked = Asked::Proposal;
+        let made = of_posture(&robot, "p", &answer("found", proposal.clone()), &asked(0)).unwrap();
         assert_eq!((made.answer.outcome.as_str(), made.answer.commands.len()), ("found", 3));
         let code = |changed: serde_json::Value, index| {
             let mut proposal = proposal.clone();
             let fields = proposal.as_object_mut().unwrap();
             fields.extend(changed.as_object().unwrap().clone());
-            let made = of_posture(&robot, "p", &answer("best", proposal), index);
+            let made = of_posture(&robot, "p", &answer("best", proposal), &asked(index));
             made.map_or_else(|error| error.0.code, |plan| plan.answer.outcome)
         };
         assert_eq!(code(json!({}), 0), "found");

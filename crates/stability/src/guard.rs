@@ -26,6 +26,7 @@ use crate::contact::{ConeModel, Contact};
 use crate::force_region::{self, ForceRegion};
 use crate::rule::Preference;
 use crate::settlement::{contact_at, outermost, tip};
+use crate::shear::Footholds;
 use crate::support_polygon::{self, regular};
 
 /// Taken off every answer (m), so that rounding never makes a rule hold that does not.
@@ -78,6 +79,8 @@ pub struct StanceGuard {
     feet: Vec<Vec<Edge>>,
     /// A region that is a point, where nothing can be met.
     point: Option<Point2<f64>>,
+    /// The contacts with their friction, where it counts.
+    footholds: Option<Footholds>,
 }
 
 impl StanceGuard {
@@ -101,6 +104,7 @@ impl StanceGuard {
             always: planes_of(&hull, &Isometry3::identity(), margin),
             feet: Vec::new(),
             point: None,
+            footholds: None,
         };
         if preference == Preference::Conservative {
             match support_polygon::conservative(contacts).ok()? {
@@ -131,7 +135,8 @@ impl StanceGuard {
         }
         let ForceRegion { region, .. } = friction_region(contacts)?;
         let regular = StanceGuard::new(&points, rules, Preference::Regular)?;
-        Some(regular.within(&region, rules.margin))
+        let footholds = Footholds::new(contacts, ConeModel::default());
+        Some(StanceGuard { footholds, ..regular.within(&region, rules.margin) })
     }
 
     /// The same rule, which also asks that the center of mass is `margin` (m) or deeper within
@@ -175,6 +180,11 @@ impl StanceGuard {
     /// The contacts (m), in the order given.
     pub fn contacts(&self) -> &[Point3<f64>] {
         &self.contacts
+    }
+
+    /// The contacts with their friction; none where the rule does not ask for it.
+    pub fn footholds(&self) -> Option<&Footholds> {
+        self.footholds.as_ref()
     }
 
     /// What is to spare (m) of the rule with the center of mass at `com`; the rule holds where this

@@ -17,6 +17,7 @@
 //! - [`rule`]: all of these for one posture, and the verdict of the margin rule on them;
 //! - [`report`]: friction, forces, torque and energy of one posture;
 //! - [`margins`]: all margins over fixed contacts, for many centers of mass;
+//! - [`shear`]: what accelerations ask of friction;
 //! - [`guard`]: that rule over fixed contacts, prepared for asking it many times.
 
 pub mod contact;
@@ -31,6 +32,7 @@ pub mod report;
 pub mod robust;
 pub mod rule;
 pub mod settlement;
+pub mod shear;
 mod simplex;
 pub mod support_polygon;
 pub mod torque;
@@ -44,5 +46,6 @@ pub use margins::StanceMargins;
 pub use report::ForceReport;
 pub use rule::{Check, Preference, StanceReport, Verdict, assess, assess_with_friction, verdict};
 pub use settlement::Settlement;
+pub use shear::{Footholds, Wrench};
 pub use support_polygon::{Margin, SupportError};
 pub use torque::TorqueReport;

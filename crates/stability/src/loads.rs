@@ -9,7 +9,8 @@
 //!
 //! A foot that was pressed down further than the others carries more: its spring has a *preload*
 //! in the stance's present shape, f = (c₀ + c₁ x + c₂ y + preload)₊. Where legs differ in stiffness
-//! k, the loads are k times as much, and have the least Σ f²/k.
+//! k, the loads are k times as much, and have the least Σ f²/k. [`crate::rule`] takes equal springs, as the
+//! preload of steps and the simulated rover do; [`crate::report`] takes each leg's own.
 //!
 //! Everything is in the gravity frame `g` (z up), in meters and newtons.
 

@@ -3,15 +3,17 @@
 //! Friction and normals enter through the cones: the forces that lie within a cone of friction μ
 //! whatever its normal within an angle δ of the nominal one are again a cone about the nominal one, of
 //! half angle atan μ - δ. So one cone stands for all, and what holds with it holds with any.
-//! Heights of footfalls move the levers; all combinations of highest and lowest are looked at.
+//! Heights of footfalls move the levers; all combinations of highest and lowest are looked at, each from
+//! the region of the one before ([`crate::kept_region`]), for one contact changes between them.
 //!
 //! Frame `g` (z up), meters.
 
 use nalgebra::{Point3, Vector3};
 
-use crate::contact::{ConeModel, Contact, ContactError};
+use crate::contact::{self, ConeModel, Contact, ContactError};
 use crate::energy;
-use crate::force_region::{cones, region};
+use crate::force_region::ForceSet;
+use crate::kept_region::KeptRegion;
 
 /// Most contacts of a stance whose heights are varied.
 const MAX_VARIED: usize = 8;
@@ -50,31 +52,43 @@ pub fn margins(
     if n_contacts > MAX_VARIED {
         return Err(ContactError::TooManyContacts { n_contacts });
     }
+    contact::check(contacts)?;
+    cone.check()?;
     let (height, tilt) = (uncertainty.height_m.max(0.0), uncertainty.normal_rad.max(0.0));
     let least_friction = |c: &Contact| (c.friction - uncertainty.friction.max(0.0)).max(0.0);
+    let mut varied: Vec<Contact> = contacts.to_vec();
+    for c in &mut varied {
+        c.friction = (least_friction(c).atan() - tilt).tan();
+        c.position -= Vector3::z() * height;
+    }
+    // Below zero even a force along the normal may slip; no such force is left.
+    let slips = varied.iter().any(|c| c.friction < 0.0);
+    let center = contact::center(contacts.iter().map(|c| c.position));
+    let set = |c: &Contact| ForceSet::cone(c, &center, cone);
+    let mut kept = match slips {
+        true => None,
+        false => Some(KeptRegion::new(varied.iter().map(set).collect())?),
+    };
     let mut least =
         RobustMargins { friction_m: Some(f64::INFINITY), energy_m: Some(f64::INFINITY) };
-    for raised in 0_u32..1 << n_contacts {
-        let varied: Vec<Contact> = contacts
-            .iter()
-            .enumerate()
-            .map(|(i, c)| {
-                let sign = if raised >> i & 1 == 1 { height } else { -height };
-                let angle = least_friction(c).atan() - tilt;
-                let position = c.position + Vector3::z() * sign;
-                // Below zero even a force along the normal may slip; no such force is left.
-                Contact { position, friction: angle.tan(), ..*c }
-            })
-            .collect();
-        let slips = varied.iter().any(|c| c.friction < 0.0);
-        let friction = if slips { None } else { region(&cones(&varied, cone)?, 1.0)?.margin(com) };
+    let n_combinations = if height == 0.0 { 1 } else { 1_u32 << n_contacts };
+    for k in 0..n_combinations {
+        // In the order of Gray's code one contact changes its height from each to the next.
+        let changed = k.trailing_zeros() as usize;
+        if k > 0 {
+            let contact = &mut varied[changed];
+            let is_low = contact.position.z < contacts[changed].position.z;
+            contact.position.z =
+                contacts[changed].position.z + if is_low { height } else { -height };
+            if let Some(kept) = &mut kept {
+                kept.moved(changed, set(contact))?;
+            }
+        }
+        let friction = kept.as_ref().and_then(|kept| kept.region().margin(com));
         let feet: Vec<Point3<f64>> = varied.iter().map(|c| c.position).collect();
         let energy = energy::margin(&feet, com).ok().map(|margin| margin.height_m);
         least.friction_m = least.friction_m.zip(friction).map(|(a, b)| a.min(b));
         least.energy_m = least.energy_m.zip(energy).map(|(a, b)| a.min(b));
-        if height == 0.0 {
-            break;
-        }
     }
     Ok(least)
 }

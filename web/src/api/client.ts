@@ -18,6 +18,7 @@ import type {
   PlanAnswer,
   PlanRequest,
   PostureAnswer,
+  PosturePlanRequest,
   PostureRequest,
   ReachSummary,
   ReconstructionAnswer,
@@ -188,8 +189,8 @@ export const api = {
     json<PostureAnswer>("POST", "analysis/posture", request, signal),
   posture: (request: PostureRequest) => json<JobReport>("POST", "rover/posture", request),
   postureResult: (path: string) => json<PostureAnswer>("GET", path),
-  planPosture: (id: string, proposal: number) =>
-    json<PlanAnswer>("POST", `rover/posture/${part(id)}/plans`, { proposal }),
+  planPosture: (id: string, taken: PosturePlanRequest) =>
+    json<PlanAnswer>("POST", `rover/posture/${part(id)}/plans`, taken),
 
   planAtOnce: (request: PlanRequest, signal: AbortSignal) =>
     json<PlanAnalysis>("POST", "analysis/plan", request, signal),

@@ -1,6 +1,7 @@
 import { describe, expect, it } from "vitest";
 
 import type {
+  PostureAccidents,
   PostureAdvice,
   PostureAftermath,
   PostureMargins,
@@ -16,6 +17,7 @@ import {
   postureRequest,
   USUAL_WISH,
   withoutLeg,
+  waysBack,
 } from "./posture";
 
 const margins = (regular_m: number | null, torque_ratio = 0.4): PostureMargins => ({
@@ -194,5 +196,34 @@ describe("the rehearsal", () => {
     [after({ margin_m: null, tips_over: true }, "none"), "none", "critical", "tips over"],
   ])("case %#", (accident, margin, status, says) => {
     expect(aftermathCell(accident)).toEqual({ margin, status, says });
+  });
+});
+
+describe("ways back", () => {
+  const after = (outcome: string, regular_m: number | null) => ({
+    margin_m: 0.03,
+    tips_over: false,
+    rocks: false,
+    way_back: {
+      outcome,
+      end: outcome === "found" ? {} : null,
+      margins: regular_m === null ? null : { regular_m },
+    },
+  });
+  it("are those that were found, leg by leg, with what they give", () => {
+    const legs = [
+      { leg: "leg1", lost: after("found", 0.1), settled: after("not_needed", null) },
+      { leg: "leg2", lost: after("none", null), settled: after("found", 0.25) },
+    ] as unknown as PostureAccidents[];
+    const ways = waysBack(legs);
+    expect(ways.map((way) => way.accident)).toEqual([
+      { leg: "leg1", kind: "lost" },
+      { leg: "leg2", kind: "settled" },
+    ]);
+    expect(ways.map((way) => way.says)).toEqual([
+      "Leg 1 lost: 0.03 → 0.10 m",
+      "Leg 2 settles: 0.03 → 0.25 m",
+    ]);
+    expect(waysBack([])).toEqual([]);
   });
 });

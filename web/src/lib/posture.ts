@@ -1,6 +1,8 @@
 // The words and figures of the posture adviser and of the rehearsal.
 
 import type {
+  PostureAccident,
+  PostureAccidents,
   PostureAdvice,
   PostureAftermath,
   PostureBarrier,
@@ -241,4 +243,27 @@ export function aftermathCell({
     default:
       return { margin, status: "serious", says: `${begins}no way back found` };
   }
+}
+
+export interface WayBack {
+  accident: PostureAccident;
+  end: NonNullable<PostureAftermath["way_back"]["end"]>;
+  /** What it is the way back from, and what it gives. */
+  says: string;
+}
+
+/** The ways back that were found, in the order of the legs. */
+export function waysBack(legs: PostureAccidents[]): WayBack[] {
+  return legs.flatMap(({ leg, lost, settled }) => {
+    const of = (kind: PostureAccident["kind"], { way_back, margin_m }: PostureAftermath) => {
+      const { outcome, end, margins } = way_back;
+      if (outcome !== "found" || !end) return [];
+      const what = kind === "lost" ? "lost" : "settles";
+      const gives = `${metres(margin_m).replace(" m", "")} → ${metres(margins?.regular_m)}`;
+      return [
+        { accident: { leg, kind }, end, says: `${capital(legLabel(leg))} ${what}: ${gives}` },
+      ];
+    };
+    return [...of("lost", lost), ...of("settled", settled)];
+  });
 }

@@ -4,7 +4,7 @@
 import { create } from "zustand";
 
 import { api, ApiError, sentenceOf } from "../api/client";
-import { readReachGrid } from "../api/tiles";
+import { type ReachGrid, readReachGrid } from "../api/tiles";
 import type { JobReport, StabilityPreference } from "../api/types";
 import { followJob, useConsole } from "./console";
 import { liveBasis, notePlanned, reachBasis, useReach } from "./reach";
@@ -113,13 +113,37 @@ useConsole.subscribe((now, before) => {
   if (reachBasis(liveBasis(now), stability) !== of.basis) cancelPlannable();
 });
 
-/** How many of the cells shown have been planned to, with what came of it. */
-export function plannedCount(classes: Uint8Array): { found: number; none: number; open: number } {
-  const count = { found: 0, none: 0, open: 0 };
-  for (const kind of classes) {
-    if (kind === 6) count.found += 1;
-    else if (kind === 7) count.none += 1;
-    else if (kind === 4) count.open += 1;
+export interface PlannedCount {
+  /** Cells that a step was found to, none was found to, and that nobody has planned to. */
+  found: number;
+  none: number;
+  open: number;
+  /** Squares that the server would still plan to: with reachable cells, of which none was planned to. */
+  squares: number;
+}
+
+/** Side of the squares of which the server plans to one cell, for a robot of scale 1 (m). */
+const SQUARE_M = 0.1;
+
+/** How many of the cells shown have been planned to, with what came of it, and what is left. */
+export function plannedCount({ classes, header }: ReachGrid, scale: number): PlannedCount {
+  const side = Math.max(1, Math.round((SQUARE_M * scale) / header.resolution_m));
+  const nx = header.size[0];
+  const across = Math.ceil(nx / side);
+  const count = { found: 0, none: 0, open: 0, squares: 0 };
+  const [open, done] = [new Set<number>(), new Set<number>()];
+  for (const [cell, kind] of classes.entries()) {
+    if (kind !== 4 && kind !== 6 && kind !== 7) continue;
+    const square =
+      Math.floor(Math.floor(cell / nx) / side) * across + Math.floor((cell % nx) / side);
+    if (kind === 4) {
+      count.open += 1;
+      open.add(square);
+    } else {
+      count[kind === 6 ? "found" : "none"] += 1;
+      done.add(square);
+    }
   }
+  count.squares = [...open].filter((square) => !done.has(square)).length;
   return count;
 }

@@ -118,7 +118,7 @@ export async function takeUp(proposal: number): Promise<void> {
   if (!answer?.id) return;
   set({ taking: proposal, failure: null });
   try {
-    const plan = await api.planPosture(answer.id, proposal);
+    const plan = await api.planPosture(answer.id, { proposal });
     if (usePosture.getState().answer !== answer) return;
     lookAt("", null);
     takePlan(plan, basis);

@@ -176,7 +176,14 @@ impl Case<'_> {
             let text = format!("the final check refuses it: {} ({})", failed.detail, failed.place);
             return Err(Barrier::new("check", text));
         }
-        Ok(Motion { leg: self.leg, start: place.configuration.clone(), waypoints, findings })
+        Ok(Motion {
+            leg: self.leg,
+            start: place.configuration.clone(),
+            waypoints,
+            findings,
+            on_ground: place.bearing.clone(),
+            standing: place.staying.clone(),
+        })
     }
 
     /// Where the leg's wheel may touch while it is lifted; none if it is in the air.

@@ -161,6 +161,8 @@ impl Case<'_> {
             start: start.clone(),
             waypoints: answer.waypoints,
             findings: answer.findings,
+            on_ground: answer.on_ground,
+            standing: answer.standing,
         };
         Ok((motion, there))
     }

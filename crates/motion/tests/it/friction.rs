@@ -10,12 +10,12 @@ use collision::{Scene, survey, touchdowns};
 use geometry::{Grid, Raster};
 use microlp::{ComparisonOp, OptimizationDirection, Problem, Variable};
 use motion::{
-    AdviceOptions, Answer, Outcome, Phase, StepAnswer, StepRequest, Target, Unwatched, Wish,
-    advise, base_between, plan_step,
+    AdviceOptions, Answer, Outcome, Phase, StepAnswer, StepRequest, Target, TimedPath,
+    TimingLimits, Unwatched, Wish, advise, base_between, plan_step, time_leg_path,
 };
 use nalgebra::{Isometry3, Point2, Point3, Rotation3, UnitQuaternion, Vector2, Vector3};
-use rover::{Configuration, LegId, Posture, Robot};
-use stability::Preference;
+use rover::{Configuration, LegAngles, LegId, LinkId, Posture, Robot};
+use stability::{Contact, Preference, StanceGuard};
 use terrain::{ElevationMap, Source};
 
 use crate::{loaded, standing};
@@ -104,6 +104,17 @@ fn on_friction(friction: f64, may_shift: bool) -> impl Fn(&mut StepRequest) {
 
 /// Do forces within these cones hold a center of mass at (x, y)?
 fn is_held(feet: &[(Point3<f64>, Vector3<f64>)], friction: f64, at: Point2<f64>) -> bool {
+    let about = Point3::new(at.x, at.y, 0.0);
+    gives(feet, friction, &about, [0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+}
+
+/// Do forces within these cones sum up to this force and this moment about a point?
+fn gives(
+    feet: &[(Point3<f64>, Vector3<f64>)],
+    friction: f64,
+    about: &Point3<f64>,
+    sums: [f64; 6],
+) -> bool {
     let mut problem = Problem::new(OptimizationDirection::Minimize);
     let mut rows: [Vec<(Variable, f64)>; 6] = Default::default();
     for (p, normal) in feet {
@@ -112,13 +123,13 @@ fn is_held(feet: &[(Point3<f64>, Vector3<f64>)], friction: f64, at: Point2<f64>)
             let axis = nalgebra::Unit::new_normalize(*normal);
             let turn = Rotation3::from_axis_angle(&axis, TAU * i as f64 / EDGES as f64);
             let f = normal + turn * across * friction;
-            let moment = (p - Point3::new(at.x, at.y, 0.0)).cross(&f);
+            let moment = (p - about).cross(&f);
             let share = problem.add_var(1.0, (0.0, f64::INFINITY));
             let parts = [f.x, f.y, f.z, moment.x, moment.y, moment.z];
             rows.iter_mut().zip(parts).for_each(|(row, part)| row.push((share, part)));
         }
     }
-    for (row, sum) in rows.iter().zip([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]) {
+    for (row, sum) in rows.iter().zip(sums) {
         problem.add_constraint(row, ComparisonOp::Eq, sum);
     }
     problem.solve().is_ok()
@@ -308,4 +319,87 @@ fn the_adviser_moves_the_chassis_until_friction_has_what_is_wished_for() {
     let far = ask(&Wish { friction: Some(3.0), ..Wish::default() });
     let Answer::Best { missing, .. } = far.answer else { panic!("{:?}", far.answer) };
     assert!(missing > 1.0, "{missing}");
+}
+
+/// Force (in weights) and moment about the center of mass that a path of a leg asks of the ground at a
+/// time, by differences of postures; and that center.
+fn asked(
+    robot: &Robot,
+    posture: &Posture,
+    (path, knots): (&TimedPath, &[LegAngles]),
+    t: f64,
+) -> (Point3<f64>, [f64; 6]) {
+    let tick = 2e-3;
+    let [before, here, after] = [t - tick, t, t + tick].map(|t| {
+        let (piece, share) = path.at(t).unwrap();
+        let there = posture.with_leg(robot, LegId(0), &knots[piece].lerp(&knots[piece + 1], share));
+        let links = robot.links().iter().enumerate();
+        links.map(|(i, link)| there.link(LinkId(i)) * link.com).collect::<Vec<Point3<f64>>>()
+    });
+    let mass = |i: usize| robot.links()[i].mass / robot.mass();
+    let com = (0..here.len()).map(|i| here[i].coords * mass(i)).sum::<Vector3<f64>>();
+    let (mut force, mut moment) = (Vector3::z(), Vector3::zeros());
+    for i in 0..here.len() {
+        let a = (after[i].coords + before[i].coords - here[i].coords * 2.0) / (tick * tick);
+        force += a * (mass(i) / MOON);
+        moment += (here[i].coords - com).cross(&(a * (mass(i) / MOON)));
+    }
+    (com.into(), [force.x, force.y, force.z, moment.x, moment.y, moment.z])
+}
+
+#[test]
+fn on_slippery_ground_a_fast_swing_is_timed_so_that_no_foot_slips() {
+    let robot = loaded();
+    let start = standing(&robot);
+    let posture = Posture::new(&robot, &start);
+    let q = start.legs[0];
+    let turned = |yaw: f64, pitch: f64| q + LegAngles::new(yaw, pitch, 0.1, 0.0, 0.2, 0.1);
+    let knots = [q, turned(0.0, -0.5), turned(0.8, -0.5), turned(-0.4, -0.5)];
+    let friction = 0.03;
+    let touch = |leg: &LegId| posture.wheel(&robot, *leg).lowest_point(&Vector3::z_axis());
+    let feet: Vec<(Point3<f64>, Vector3<f64>)> =
+        robot.leg_ids().skip(1).map(|leg| (touch(&leg), Vector3::z())).collect();
+    let contacts: Vec<Contact> = feet.iter().map(|(p, _)| Contact::level(*p, friction)).collect();
+    let rules = robot.stance();
+    let guard = StanceGuard::over(&contacts, rules, Preference::Friction).unwrap();
+    let points: Vec<Point3<f64>> = feet.iter().map(|(p, _)| *p).collect();
+    // Level ground: friction's region is the hull, and but for the shear both rules are the same.
+    let regular = StanceGuard::new(&points, rules, Preference::Regular).unwrap();
+    let limits = TimingLimits { joint_speed: 2.0, joint_acceleration: 4.0 };
+    let timed = |guard: &StanceGuard| {
+        time_leg_path(&robot, &posture, LegId(0), &knots, Some(guard), MOON, &limits).unwrap()
+    };
+    let slips = |path: &TimedPath| {
+        let n = 60;
+        (0..n)
+            .filter(|i| {
+                let t = path.duration() * (f64::from(*i) + 0.5) / f64::from(n);
+                let (com, sums) = asked(&robot, &posture, (path, &knots), t);
+                !gives(&feet, friction, &com, sums)
+            })
+            .count()
+    };
+    let (kept, fast) = (timed(&guard), timed(&regular));
+    println!(
+        "{} s with the shear, {} s without; {} slips",
+        kept.duration(),
+        fast.duration(),
+        slips(&fast)
+    );
+    assert!(kept.pieces.iter().all(|piece| piece.held_back));
+    assert_eq!(slips(&kept), 0);
+    assert!(slips(&fast) > 10, "{}", slips(&fast));
+    // It is not slower than it has to be: a quarter faster some foot slips.
+    let mut hurried = kept.clone();
+    let mut start = 0.0;
+    for piece in &mut hurried.pieces {
+        (piece.start, piece.duration) = (start, piece.duration / 1.25);
+        (piece.speed, piece.acceleration) = (piece.speed * 1.25, piece.acceleration * 1.5625);
+        start = piece.end();
+    }
+    assert!(slips(&hurried) > 0);
+    // Where friction holds much more, the margin alone decides.
+    let rough: Vec<Contact> = feet.iter().map(|(p, _)| Contact::level(*p, 2.0)).collect();
+    let rough = StanceGuard::over(&rough, rules, Preference::Friction).unwrap();
+    assert!((timed(&rough).duration() - fast.duration()).abs() < 1e-9);
 }

@@ -2,8 +2,9 @@
 
 use collision::ground_normal;
 use motion::{
-    MOST_SAMPLES, MarginSample, Outcome, Phase, StepAnswer, StepRequest, Target, Unwatched,
-    base_between, margins_along, plan_step,
+    AdviceOptions, Answer, MOST_SAMPLES, MarginSample, Motion, Outcome, Phase, StepAnswer,
+    StepRequest, Stretch, Target, Unwatched, Waypoint, Wish, advise, base_between, margins_along,
+    plan_step,
 };
 use nalgebra::{Point3, Vector3};
 use rover::{Configuration, LegId, Posture};
@@ -27,27 +28,28 @@ fn step(change: impl Fn(&mut StepRequest)) -> (collision::Scene, Configuration, 
     (scene, start, answer)
 }
 
-/// Where the rover is at a time of the step; before the leg moves if `shifting`.
+/// Where the rover is at a time of the step; before the leg moves, over these feet, if any are given.
 fn at(
     scene: &collision::Scene,
     start: &Configuration,
-    answer: &StepAnswer,
+    (leg, waypoints): (LegId, &[Waypoint]),
     time: f64,
-    shifting: bool,
+    bearing: Option<&[(LegId, Point3<f64>)]>,
 ) -> Configuration {
-    let legs: Vec<LegId> = scene.robot().leg_ids().collect();
+    let shifting = bearing.is_some();
+    let legs: Vec<LegId> = bearing.iter().flat_map(|feet| feet.iter().map(|f| f.0)).collect();
     let mut here = start.clone();
-    for w in answer.waypoints.windows(2) {
+    for w in waypoints.windows(2) {
         let is_shift = w[1].phase == Phase::Shift;
         let next = match &w[1].stance {
             Some(stance) => stance.clone(),
-            None => here.with_leg(LEG, w[1].angles),
+            None => here.with_leg(leg, w[1].angles),
         };
         if is_shift == shifting && time <= w[1].time + 1e-9 {
             let t = ((time - w[0].time) / (w[1].time - w[0].time)).clamp(0.0, 1.0);
             return match is_shift {
                 true => base_between(scene.robot(), &here, &next, &legs, t),
-                false => here.with_leg(LEG, w[0].angles.lerp(&w[1].angles, t)),
+                false => here.with_leg(leg, w[0].angles.lerp(&w[1].angles, t)),
             };
         }
         here = next;
@@ -87,7 +89,7 @@ fn check(
 fn samples_are_what_the_full_assessment_says_at_their_times() {
     for preference in [Preference::Regular, Preference::Conservative] {
         let (scene, start, answer) = step(|r| r.preference = preference);
-        let samples = margins_along(&scene, &start, LEG, &answer, FRICTION);
+        let samples = margins_along(&scene, &[Stretch::of_step(&start, LEG, &answer)], FRICTION);
         assert_eq!(samples.len(), MOST_SAMPLES);
         let last = answer.waypoints.last().unwrap().time;
         assert_eq!(samples[0].time, 0.0);
@@ -100,7 +102,13 @@ fn samples_are_what_the_full_assessment_says_at_their_times() {
             let shifting = lift.is_some_and(|lift| i <= lift);
             let feet = if shifting { &answer.on_ground } else { &answer.standing };
             assert_eq!(feet.len(), if shifting { 6 } else { 5 });
-            check(&scene, &at(&scene, &start, &answer, sample.time, shifting), feet, sample);
+            let step = (LEG, &answer.waypoints[..]);
+            check(
+                &scene,
+                &at(&scene, &start, step, sample.time, shifting.then_some(feet)),
+                feet,
+                sample,
+            );
         }
         if let Some(lift) = lift {
             assert!(samples[lift + 1].regular < samples[lift].regular);
@@ -110,6 +118,63 @@ fn samples_are_what_the_full_assessment_says_at_their_times() {
         let seen = answer.margins.iter().map(|m| m.1).fold(f64::INFINITY, f64::min);
         assert!((least - seen).abs() < 0.01, "{least} {seen}");
     }
+}
+
+/// The feet on the ground, by a survey.
+fn feet(scene: &collision::Scene, at: &Configuration) -> Vec<(LegId, Point3<f64>)> {
+    let posture = Posture::new(scene.robot(), at);
+    collision::survey(scene, &posture).contacts(scene, &posture)
+}
+
+#[test]
+fn along_the_way_to_a_posture_they_are_those_of_the_feet_that_bear() {
+    let scene = scene(loaded(), &[]);
+    let start = standing(scene.robot());
+    let wish = Wish { conservative: Some(0.2), ..Wish::default() };
+    let options = AdviceOptions { replace: false, ..AdviceOptions::default() };
+    let advice = advise(&scene, &start, MOON, LEG, &wish, &options, &mut Unwatched).unwrap();
+    let Answer::Proposals(proposals) = &advice.answer else { panic!("{advice:?}") };
+    let mut n_folded = 0;
+    for proposal in proposals {
+        let stretches: Vec<Stretch> = proposal.motions.iter().map(Motion::stretch).collect();
+        let samples = margins_along(&scene, &stretches, FRICTION);
+        assert_eq!(samples.len(), MOST_SAMPLES);
+        assert!(samples.windows(2).all(|w| w[1].time >= w[0].time));
+        assert!((samples[MOST_SAMPLES - 1].time - proposal.cost.duration).abs() < 1e-9);
+        let mut left = samples.as_slice();
+        let mut begin = 0.0;
+        for motion in &proposal.motions {
+            let ends = |shift: bool| {
+                let of = motion.waypoints.iter().filter(|w| (w.phase == Phase::Shift) == shift);
+                of.map(|w| w.time).next_back()
+            };
+            // A shift on all feet that touch; then the leg moves over the others.
+            for (shifting, until) in [(true, ends(true)), (false, ends(false))] {
+                let Some(until) = until else { continue };
+                let mut bearing = feet(&scene, &motion.start);
+                bearing.retain(|(leg, _)| shifting || *leg != LEG);
+                let last = left.iter().position(|s| s.time >= begin + until - 1e-9).unwrap();
+                let (part, rest) = left.split_at(last + 1);
+                assert!(part.len() >= 2);
+                for sample in part {
+                    let way = (motion.leg, &motion.waypoints[..]);
+                    let there = at(
+                        &scene,
+                        &motion.start,
+                        way,
+                        sample.time - begin,
+                        shifting.then_some(&bearing),
+                    );
+                    check(&scene, &there, &bearing, sample);
+                }
+                n_folded += usize::from(!shifting);
+                left = rest;
+            }
+            begin += motion.waypoints.last().unwrap().time;
+        }
+        assert!(left.is_empty());
+    }
+    assert!(n_folded > 0 && proposals.len() > n_folded, "{proposals:?}");
 }
 
 #[test]
@@ -126,8 +191,8 @@ fn a_transit_alone_and_no_path_have_no_margins() {
     let lifted = start.with_leg(LEG, raised(0.3));
     let transit = plan_step(&scene, &lifted, MOON, &request, &mut Unwatched);
     assert!(!transit.waypoints.is_empty(), "{}", transit.reason);
-    assert_eq!(margins_along(&scene, &lifted, LEG, &transit, FRICTION), []);
+    assert_eq!(margins_along(&scene, &[Stretch::of_step(&lifted, LEG, &transit)], FRICTION), []);
     let far = StepRequest::new(LEG, Target::Ground(Point3::new(9.0, 9.0, 0.0)), 1.0);
     let none = plan_step(&scene, &start, MOON, &far, &mut Unwatched);
-    assert_eq!(margins_along(&scene, &start, LEG, &none, FRICTION), []);
+    assert_eq!(margins_along(&scene, &[Stretch::of_step(&start, LEG, &none)], FRICTION), []);
 }

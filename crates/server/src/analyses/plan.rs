@@ -2,7 +2,7 @@
 
 use motion::{
     Buffers, EdgeRule, Finding, MarginSample, Outcome, Phase, Planner as Search, Stage, StepAnswer,
-    StepRequest, Stopped, Target, Watch, Waypoint, plan_step,
+    StepRequest, Stopped, Stretch, Target, Watch, Waypoint, plan_step,
 };
 use nalgebra::Point3;
 use rover::{Configuration, LegId, Robot};
@@ -220,7 +220,7 @@ fn answer(
             normal: [footfall.normal.x, footfall.normal.y, footfall.normal.z],
             wheel: convert::pose(&footfall.world_from_wheel),
         }),
-        margins: margins(scene, leg, found),
+        margins: margins(scene, &[Stretch::of_step(&scene.configuration, leg, found)]),
         constraint: found.constraint.as_ref().map(|constraint| PlanConstraint {
             name: constraint.name.into(),
             missing: constraint.missing.filter(|missing| missing.is_finite()),
@@ -234,10 +234,10 @@ fn answer(
     }
 }
 
-fn margins(scene: &Scene, leg: LegId, found: &StepAnswer) -> PlanMargins {
+/// All margins along motions that follow each other.
+pub(super) fn margins(scene: &Scene, stretches: &[Stretch]) -> PlanMargins {
     let robot = scene.robot();
-    let samples =
-        motion::margins_along(&scene.solid, &scene.configuration, leg, found, scene.friction);
+    let samples = motion::margins_along(&scene.solid, stretches, scene.friction);
     let weight = robot.mass() * scene.gravity;
     let of = |value: fn(&MarginSample) -> Option<f64>| samples.iter().map(value).collect();
     let name = |leg: usize| robot.legs()[leg].name.clone();

@@ -4,20 +4,21 @@ use std::cell::RefCell;
 
 use motion::{
     Advice, AdviceError, AdviceOptions, Aftermath, Answer, Barrier, Change, Freedom, Limit,
-    Margins, Motion, Proposal, Region, RehearsalOptions, Stopped, Watch, WayBack, Wish, advise,
-    rehearse,
+    Margins, Motion, Proposal, Region, RehearsalOptions, Stopped, Stretch, Watch, WayBack, Wish,
+    advise, rehearse,
 };
 use rover::{LegId, Robot};
 use wire::analysis::{
     AdviceRequest, PlanBasis, PlanCommand, PlanPhase, PlanWaypoint, PostureAccidents,
     PostureAdvice, PostureAftermath, PostureAnswer, PostureBarrier, PostureBest, PostureChange,
-    PostureCost, PostureFreedom, PostureLimit, PostureMargins, PostureOutcome, PostureProposal,
-    PostureRehearsal, PostureRequest, PostureWayBack, PostureWayOutcome, RehearsalRequest,
+    PostureCost, PostureFreedom, PostureLimit, PostureMargins, PostureMotion, PostureOutcome,
+    PostureProposal, PostureRehearsal, PostureRequest, PostureWayBack, PostureWayOutcome,
+    RehearsalRequest,
 };
 use wire::check::{self, At, RequestError};
 use wire::convert;
 
-use super::plan::{OnProgress, commands, finding, phase, retreat, state_hash};
+use super::plan::{OnProgress, commands, finding, margins, phase, retreat, state_hash};
 use crate::live::hash_text;
 use crate::scene::{Context, Scene};
 use crate::stop::{Cause, Stop};
@@ -106,7 +107,7 @@ impl Work<'_> {
         let mut watch = self.watch.borrow_mut();
         let advice = advise(solid, start, scene.gravity, leg, &wish, &options, &mut *watch)
             .map_err(|error| self.refused("advice", &error))?;
-        let teller = Teller { robot: scene.robot(), drive_hold: asked.drive_hold };
+        let teller = Teller { scene, robot: scene.robot(), drive_hold: asked.drive_hold };
         Ok(teller.advice(&asked.leg, advice))
     }
 
@@ -125,7 +126,7 @@ impl Work<'_> {
         let mut watch = self.watch.borrow_mut();
         let rehearsal = rehearse(solid, start, scene.gravity, &options, &mut *watch)
             .map_err(|error| self.refused("rehearsal", &error))?;
-        let teller = Teller { robot: scene.robot(), drive_hold: false };
+        let teller = Teller { scene, robot: scene.robot(), drive_hold: false };
         let accidents = rehearsal.legs.iter().map(|leg| PostureAccidents {
             leg: teller.leg(leg.leg),
             lost: teller.aftermath(&leg.lost),
@@ -153,6 +154,7 @@ impl Work<'_> {
 
 /// Puts what the adviser says into the words of the wire.
 struct Teller<'a> {
+    scene: &'a Scene,
     robot: &'a Robot,
     drive_hold: bool,
 }
@@ -211,21 +213,12 @@ impl Teller<'_> {
 
     fn proposal(&self, lifted: &str, proposal: &Proposal) -> PostureProposal {
         let (change, replaced_leg) = self.change(proposal.change);
-        let forth: Vec<(String, Vec<PlanCommand>)> =
-            proposal.motions.iter().map(|m| (self.leg(m.leg), self.commands(m))).collect();
-        let back = forth.iter().rev().flat_map(|(leg, commands)| retreat(leg, commands));
-        let findings = proposal.motions.iter().flat_map(|motion| &motion.findings);
         let cost = &proposal.cost;
-        let (end, motions) = (&proposal.end, &proposal.motions);
-        let leg = motions.first().map_or(lifted.to_owned(), |motion| self.leg(motion.leg));
         PostureProposal {
             change,
             replaced_leg,
-            waypoints: self.waypoints(&leg, motions),
-            leg,
-            retreat: back.collect(),
-            commands: forth.into_iter().flat_map(|(_, commands)| commands).collect(),
-            end: convert::rover_state(self.robot, end),
+            motion: self.motion(lifted, &proposal.motions),
+            end: convert::rover_state(self.robot, &proposal.end),
             margins: self.margins(&proposal.after),
             cost: PostureCost {
                 chassis_m: cost.chassis,
@@ -233,7 +226,24 @@ impl Teller<'_> {
                 legs_rad: cost.legs,
                 duration_s: cost.duration,
             },
+        }
+    }
+
+    /// Motions that follow each other; `about` is the leg where nothing moves.
+    fn motion(&self, about: &str, motions: &[Motion]) -> PostureMotion {
+        let forth: Vec<(String, Vec<PlanCommand>)> =
+            motions.iter().map(|m| (self.leg(m.leg), self.commands(m))).collect();
+        let back = forth.iter().rev().flat_map(|(leg, commands)| retreat(leg, commands));
+        let findings = motions.iter().flat_map(|motion| &motion.findings);
+        let leg = motions.first().map_or(about.to_owned(), |motion| self.leg(motion.leg));
+        let stretches: Vec<Stretch> = motions.iter().map(Motion::stretch).collect();
+        PostureMotion {
+            waypoints: self.waypoints(&leg, motions),
+            leg,
+            retreat: back.collect(),
+            commands: forth.into_iter().flat_map(|(_, commands)| commands).collect(),
             findings: findings.map(finding).collect(),
+            margins_along: margins(self.scene, &stretches),
         }
     }
 
@@ -303,7 +313,7 @@ impl Teller<'_> {
     fn aftermath(&self, aftermath: &Aftermath) -> PostureAftermath {
         let none = |outcome| PostureWayBack {
             outcome,
-            commands: Vec::new(),
+            motion: None,
             end: None,
             margins: None,
             barrier: None,
@@ -315,7 +325,7 @@ impl Teller<'_> {
             }
             WayBack::Shift { motion, end, after } => PostureWayBack {
                 outcome: PostureWayOutcome::Found,
-                commands: self.commands(motion),
+                motion: Some(self.motion(&self.leg(motion.leg), std::slice::from_ref(motion))),
                 end: Some(convert::rover_state(self.robot, end)),
                 margins: Some(self.margins(after)),
                 barrier: None,

@@ -3,10 +3,13 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use geometry::{Grid, Raster};
 use nalgebra::Point2;
 use reachability::{
-    GroundClasses, Mend, Obstruction, ReachGrid, ReachOptions, WheelHeading, explain, reach_legs,
+    Area, GroundClasses, Mend, Obstruction, ReachGrid, ReachOptions, WheelHeading, explain,
+    reach_again, reach_legs,
 };
+use rover::LegId;
 use stability::Preference;
 use wire::analysis::{
     CellExplanation, CellExplanationRequest, CellMend, REACH_CLASSES, REACH_REASONS,
@@ -38,6 +41,40 @@ pub fn reachability(
     workers: usize,
     stop: &Stop,
 ) -> Result<Reached, RequestError> {
+    asked(context, request, workers, stop, |scene, legs, options| {
+        let (solid, configuration) = (&scene.solid, &scene.configuration);
+        reach_legs(solid, configuration, scene.gravity, legs, options, &|| stop.asked())
+    })
+}
+
+/// The same for one leg, given the answer `before` on ground that was the same outside of `changed`: to
+/// the bit what all anew would give.
+pub fn reachability_again(
+    context: &Context,
+    request: &ReachabilityRequest,
+    before: &ReachabilityCells,
+    changed: &Area,
+    stop: &Stop,
+) -> Result<Reached, RequestError> {
+    asked(context, request, 1, stop, |scene, legs, options| {
+        let (solid, configuration) = (&scene.solid, &scene.configuration);
+        let (before, stop) = (grid(before)?, || stop.asked());
+        let again = |leg: &LegId| {
+            let (gravity, leg) = (scene.gravity, *leg);
+            reach_again(&before, changed, solid, configuration, gravity, leg, options, &stop)
+        };
+        legs.iter().map(again).collect()
+    })
+}
+
+/// The legs that a request is about, in what it asks for.
+fn asked(
+    context: &Context,
+    request: &ReachabilityRequest,
+    workers: usize,
+    stop: &Stop,
+    reach: impl FnOnce(&Scene, &[LegId], &ReachOptions) -> Option<Vec<ReachGrid>>,
+) -> Result<Reached, RequestError> {
     let scene = context.scene(&At::root("scene"), &request.scene)?;
     let robot = scene.robot();
     let asked = Asked {
@@ -61,9 +98,7 @@ pub fn reachability(
     let legs = names.iter().enumerate();
     let legs: Vec<_> =
         legs.map(|(i, name)| convert::leg(&at.index(i), robot, name)).collect::<Result<_, _>>()?;
-    let (solid, configuration) = (&scene.solid, &scene.configuration);
-    let ended = || stop.asked();
-    match reach_legs(solid, configuration, scene.gravity, &legs, &options, &ended) {
+    match reach(&scene, &legs, &options) {
         Some(grids) => Ok(names.into_iter().zip(grids.iter().map(cells)).collect()),
         None => {
             stop.check()?;
@@ -197,6 +232,18 @@ fn cells(grid: &ReachGrid) -> ReachabilityCells {
         missing: grid.missing.values().to_vec(),
         margin: grid.margin.values().to_vec(),
     }
+}
+
+/// The cells as an answer of the domain; `None` if they are not as many as their size says.
+fn grid(cells: &ReachabilityCells) -> Option<ReachGrid> {
+    let ([x, y], [nx, ny]) = (cells.origin_m, cells.size);
+    let grid = Grid { origin: Point2::new(x, y), resolution: cells.resolution_m, nx, ny };
+    Some(ReachGrid {
+        class: Raster::new(grid, cells.class.clone())?,
+        reason: Raster::new(grid, cells.reason.clone())?,
+        missing: Raster::new(grid, cells.missing.clone())?,
+        margin: Raster::new(grid, cells.margin.clone())?,
+    })
 }
 
 /// As JSON has it.

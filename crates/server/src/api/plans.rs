@@ -13,7 +13,7 @@ use crate::analyses::{self, OnProgress};
 use crate::app::AppState;
 use crate::body::{Body, Path};
 use crate::error::ApiError;
-use crate::plans::{self, StoredPlan, When};
+use crate::plans::{self, Asked, StoredPlan, When};
 use crate::scene::Context;
 use crate::staging;
 use crate::stop::Stop;
@@ -169,7 +169,7 @@ async fn kept_posture(
     Ok(Json(app.postures.get(&id)?.as_ref().clone()))
 }
 
-/// Takes up a posture that the adviser offered: it becomes a plan, to be looked at, staged, armed
+/// Takes up a posture that the adviser offered, or a way back that was rehearsed: it becomes a plan, to be looked at, staged, armed
 /// and sent like any other. Refused where the rover, its model or the map is not what the answer
 /// rests on.
 #[utoipa::path(
@@ -186,9 +186,10 @@ async fn plan_posture(
     Path(id): Path<String>,
     Body(request): Body<PosturePlanRequest>,
 ) -> Result<(StatusCode, Json<PlanAnswer>), ApiError> {
+    let asked = Asked::new(request)?;
     let answer = app.postures.get(&id)?;
     let plan_id = uuid::Uuid::now_v7().to_string();
-    let plan = plans::of_posture(app.live.robot(), &plan_id, &answer, request.proposal)?;
+    let plan = plans::of_posture(app.live.robot(), &plan_id, &answer, &asked)?;
     let first = PlanCommandRef { plan_id: plan_id.clone(), index: 0, retreat: false };
     if let Some(why) = staging::stale(&app, &plan, &first, When::Release)? {
         let message = format!("the posture no longer fits: {why}; ask the adviser anew");

@@ -16,6 +16,7 @@ mod paper;
 mod properties;
 mod regions;
 mod rule;
+mod shear;
 mod slopes;
 mod torque;
 

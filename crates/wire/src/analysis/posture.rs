@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use super::{PlanBasis, PlanCommand, PlanFinding, PlanWaypoint};
+use super::{PlanBasis, PlanCommand, PlanFinding, PlanMargins, PlanWaypoint};
 use crate::scene::{RoverState, Scene};
 
 /// `POST /analysis/posture`: `advice`, `rehearsal`, or both.
@@ -154,7 +154,22 @@ pub struct PostureProposal {
     pub change: PostureChange,
     /// With `replace`: the leg whose foot is put down elsewhere.
     pub replaced_leg: Option<String>,
-    /// The leg that moves by itself; where only the chassis moves, the leg that is to be lifted.
+    /// How to get there.
+    #[serde(flatten)]
+    pub motion: PostureMotion,
+    /// The posture.
+    pub end: RoverState,
+    /// Its margins without the leg.
+    pub margins: PostureMargins,
+    /// What it costs.
+    pub cost: PostureCost,
+}
+
+/// A motion that may be executed: every piece is certified, the final check passed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct PostureMotion {
+    /// The leg that moves by itself; where only the chassis moves, the leg that is to be lifted, or that
+    /// the rehearsal is about.
     pub leg: String,
     /// The motion with the whole rover at each knot: joint angles are those of `leg`, times go on from
     /// one command to the next. Empty where nothing has to move.
@@ -163,14 +178,11 @@ pub struct PostureProposal {
     pub commands: Vec<PlanCommand>,
     /// The way back, last part first.
     pub retreat: Vec<PlanCommand>,
-    /// The posture.
-    pub end: RoverState,
-    /// Its margins without the leg.
-    pub margins: PostureMargins,
-    /// What it costs.
-    pub cost: PostureCost,
     /// What the final check found, motion by motion.
     pub findings: Vec<PlanFinding>,
+    /// Margins of stability along it.
+    #[serde(default)]
+    pub margins_along: PlanMargins,
 }
 
 impl PostureAdvice {
@@ -180,23 +192,50 @@ impl PostureAdvice {
     }
 }
 
-/// `POST /rover/posture/{id}/plans`: keeps what was offered as a plan.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+/// `POST /rover/posture/{id}/plans`: keeps what was offered as a plan; one of the two.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PosturePlanRequest {
     /// Which of the proposals, from 0; where the wish was not met, 0 is the best posture.
-    pub proposal: usize,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub proposal: Option<usize>,
+    /// The way back from an accident of the rehearsal.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub way_back: Option<PostureAccident>,
+}
+
+/// Names an accident of the rehearsal.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PostureAccident {
+    /// The leg.
+    pub leg: String,
+    /// What happens to it.
+    pub kind: PostureAccidentKind,
+}
+
+/// What is rehearsed of a leg.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PostureAccidentKind {
+    /// It fails and bears nothing.
+    Lost,
+    /// The ground settles under it.
+    Settled,
 }
 
 /// What a plan of a posture is for.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct PlanPosture {
-    /// The leg that is to be lifted after it.
+    /// The leg that is to be lifted after it, or that an accident happened to.
     pub leg: String,
     /// What changes.
     pub change: PostureChange,
-    /// Does it give the margins that were wished for?
+    /// Does it give the margins that were wished for; after an accident, those of the margin rule?
     pub wish_met: bool,
+    /// With a way back from it: the accident.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub accident: Option<PostureAccidentKind>,
 }
 
 /// What a change costs.
@@ -317,7 +356,7 @@ pub struct PostureWayBack {
     /// How it ended.
     pub outcome: PostureWayOutcome,
     /// With `found`: the shift.
-    pub commands: Vec<PlanCommand>,
+    pub motion: Option<PostureMotion>,
     /// With `found`: where it ends.
     pub end: Option<RoverState>,
     /// With `found`: margins there over the feet that bear.

@@ -1,9 +1,17 @@
 // What is laid over the ground, with its legend.
 
+import { useMemo } from "react";
+
 import { legLabel } from "../../lib/format";
 import { PLANNED, REACHABILITY, TRAVERSABILITY } from "../../scene/palette";
 import { useConsole } from "../../store/console";
-import { cancelPlannable, plannedCount, planToCells, usePlannable } from "../../store/plannable";
+import {
+  cancelPlannable,
+  type PlannedCount,
+  plannedCount,
+  planToCells,
+  usePlannable,
+} from "../../store/plannable";
 import { usePlanOptions } from "../../store/planOptions";
 import { useReach } from "../../store/reach";
 import { useSelection } from "../../store/selection";
@@ -60,8 +68,9 @@ function ReachLegend() {
   const stability = usePlanOptions((s) => s.stability);
   const busy = usePlannable((s) => s.of !== null);
   const old = useReachIsOld();
+  const scale = useConsole((s) => s.model?.scale ?? 1);
+  const planned = useMemo(() => (grid ? plannedCount(grid, scale) : null), [grid, scale]);
   if (leg === null) return <p className="quiet small">Choose a leg to see where it can stand.</p>;
-  const planned = grid ? plannedCount(grid.classes) : null;
   const anyPlanned = planned !== null && planned.found + planned.none > 0;
   return (
     <>
@@ -89,7 +98,7 @@ function ReachLegend() {
 }
 
 /** Really planning to the reachable cells, and what came of it. */
-function PlannedCells({ leg, count }: { leg: string; count: ReturnType<typeof plannedCount> }) {
+function PlannedCells({ leg, count }: { leg: string; count: PlannedCount }) {
   const { of, job, failure } = usePlannable();
   const stability = usePlanOptions((s) => s.stability);
   const live = useConsole((s) => s.stream.replayState === null);
@@ -113,7 +122,7 @@ function PlannedCells({ leg, count }: { leg: string; count: ReturnType<typeof pl
   }
   return (
     <>
-      {count.open > 0 && (
+      {count.squares > 0 && (
         <button
           type="button"
           className="button"

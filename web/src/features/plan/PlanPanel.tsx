@@ -144,7 +144,11 @@ function PlanView({ plan }: { plan: PlanAnswer }) {
         <div className="row">
           <StatusMark status={found ? "normal" : "serious"} label={found ? "good" : "no plan"} />
           <strong data-testid="plan-outcome">
-            {plan.posture ? "Posture" : capital(words(plan.outcome))}
+            {plan.posture
+              ? plan.posture.accident
+                ? "Way back"
+                : "Posture"
+              : capital(words(plan.outcome))}
           </strong>
           {!plan.posture && (
             <span className="quiet small num plan-cost">

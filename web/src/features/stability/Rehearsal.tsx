@@ -4,11 +4,12 @@ import { useEffect } from "react";
 
 import type { PostureAccidents, PostureAftermath } from "../../api/types";
 import { capital, legLabel, metres } from "../../lib/format";
-import { aftermathCell, barrierWords } from "../../lib/posture";
+import { aftermathCell, barrierWords, waysBack } from "../../lib/posture";
 import { useChannels, useConsole } from "../../store/console";
 import { lookAt } from "../../store/posture";
 import { shownBasis } from "../../store/reach";
-import { askRehearsal, cancelRehearsal, useRehearsal } from "../../store/rehearsal";
+import { useBlocked } from "../../store/permission";
+import { askRehearsal, cancelRehearsal, takeWayBack, useRehearsal } from "../../store/rehearsal";
 import { JobRow } from "../../ui/JobRow";
 import { StatusMark } from "../../ui/StatusMark";
 
@@ -75,6 +76,7 @@ export function Rehearsal() {
             : "Margin left. Point at a mark for what follows."}
         </p>
       )}
+      {rehearsal && !busy && <WaysBack old={old} />}
       {!rehearsal && !busy && !failure && (
         <p className="quiet small">
           Not rehearsed yet: the margin that is left without each leg, and the way back.
@@ -95,6 +97,44 @@ export function Rehearsal() {
         </p>
       )}
     </section>
+  );
+}
+
+/** Ways back to a safe stance, each a plan at one click; the pointer shows where it ends. */
+function WaysBack({ old }: { old: boolean }) {
+  const { rehearsal, id, taking } = useRehearsal();
+  const blocked = useBlocked();
+  const ways = waysBack(rehearsal?.legs ?? []);
+  if (ways.length === 0) return null;
+  const why =
+    blocked ??
+    (id === null ? "Of a replay: to look at, not to take up" : null) ??
+    (old ? "The stance has changed since: rehearse again" : null);
+  return (
+    <ul className="ways-back" aria-label="Ways back">
+      {ways.map(({ accident, end, says }) => (
+        <li
+          key={`${accident.leg} ${accident.kind}`}
+          className="row between"
+          onPointerEnter={() => lookAt(accident.leg, end)}
+          onPointerLeave={() => lookAt("", null)}
+        >
+          <span className="small">{says}</span>
+          <button
+            type="button"
+            className="button"
+            data-testid={`way-back-${accident.leg}-${accident.kind}`}
+            disabled={why !== null || taking !== null}
+            title={
+              why ?? "Make the way back the plan: it is then staged, armed and sent like any other"
+            }
+            onClick={() => void takeWayBack(accident)}
+          >
+            Add to the plan
+          </button>
+        </li>
+      ))}
+    </ul>
   );
 }
 

@@ -14,9 +14,9 @@ export function StabilityPanel() {
   return (
     <>
       <MarginTable stability={stability} model={model} />
+      <MarginStrip needed_m={model.margin_m} />
       <Rehearsal />
       <EnergySlice />
-      <MarginStrip needed_m={model.margin_m} />
     </>
   );
 }
