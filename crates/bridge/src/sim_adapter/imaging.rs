@@ -24,8 +24,8 @@ impl SimAdapter {
         }
         self.hear();
         let time_s = self.rover.time_s();
-        if let Some(Err(unmet)) = gate.map(|gate| gate.0(&self.rover.frame())) {
-            let refusal = Refusal::Precondition { unmet };
+        if let Some(Err(why)) = gate.map(|gate| gate.0(&self.rover.frame())) {
+            let refusal = Refusal::Condition { why };
             let (stage, detail) = (Stage::Rejected, Some(refusal.to_string()));
             self.say(Event { time_s, id, stage, detail });
             return;
