@@ -54,7 +54,7 @@ async fn console(url: String, begin: Instant) -> Heard {
                 let entry = heard.channels.entry(name.into()).or_insert((number, number, 0));
                 assert!(entry.2 == 0 || number > entry.1, "{name}: {number} after {}", entry.1);
                 (entry.1, entry.2) = (number, entry.2 + 1);
-                let data = &frame["data"];
+                let data = &frame["message"];
                 if data["last"] == true {
                     return heard;
                 }
