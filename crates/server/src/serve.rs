@@ -373,7 +373,7 @@ fn recorder(
 pub fn schemas() -> Vec<ChannelSchema> {
     let components = components();
     let schema = |channel: &str, name: &str, schema: serde_json::Value| {
-        let mut schema = inlined(schema, &components, 0);
+        let mut schema = inlined(schema, &components, &[]);
         if let Some(object) = schema.as_object_mut() {
             object.insert("title".into(), name.into());
             object.entry("type").or_insert_with(|| "object".into());
@@ -414,27 +414,32 @@ fn components() -> serde_json::Value {
     document.pointer("/components/schemas").cloned().unwrap_or_default()
 }
 
-/// The schema with every reference replaced by what it refers to, for a log stands by itself.
+/// The schema with every reference replaced by what it refers to, for a log stands by itself. What is
+/// within itself, as a command in the steps of a sequence, is told as any object there. `within` are the
+/// names that it is within.
 fn inlined(
     schema: serde_json::Value,
     components: &serde_json::Value,
-    depth: usize,
+    within: &[&str],
 ) -> serde_json::Value {
     use serde_json::Value;
     match schema {
         Value::Object(object) => {
             let name = object.get("$ref").and_then(Value::as_str);
             let name = name.and_then(|path| path.strip_prefix("#/components/schemas/"));
-            if let Some(target) = name.and_then(|name| components.get(name))
-                && depth < 16
+            if let Some(name) = name
+                && let Some(target) = components.get(name)
             {
-                return inlined(target.clone(), components, depth + 1);
+                if within.contains(&name) {
+                    return serde_json::json!({ "type": "object" });
+                }
+                return inlined(target.clone(), components, &[within, &[name]].concat());
             }
             let fields = object.into_iter();
-            Value::Object(fields.map(|(k, v)| (k, inlined(v, components, depth))).collect())
+            Value::Object(fields.map(|(k, v)| (k, inlined(v, components, within))).collect())
         }
         Value::Array(items) => {
-            Value::Array(items.into_iter().map(|v| inlined(v, components, depth)).collect())
+            Value::Array(items.into_iter().map(|v| inlined(v, components, within)).collect())
         }
         other => other,
     }

@@ -162,3 +162,44 @@ async fn the_whole_model_of_the_link_goes_up_and_comes_back() {
     let n = |field: &str| counters[field].as_u64().unwrap();
     assert_eq!(n("sent") + n("duplicated"), n("delivered") + n("dropped") + n("in_flight"));
 }
+
+#[tokio::test]
+async fn a_command_waits_for_what_telemetry_shows_and_is_refused_by_name() {
+    let ground = Ground::start().await;
+    let request = |mode: &str, shown: &str, max_age_s: f64, dry_run: bool| {
+        let wanted = json!({
+            "channel": "rover/state", "field": "operation.mode", "op": "eq", "value": shown,
+            "max_age_s": max_age_s
+        });
+        json!({ "body": { "type": "mode", "mode": mode }, "preconditions": [wanted], "dry_run": dry_run })
+    };
+    for (shown, max_age_s, code) in
+        [("safe", 600.0, "precondition_failed"), ("ready", 0.0, "precondition_stale")]
+    {
+        let dry =
+            post(&ground, "ada", "commands", &request("driving", shown, max_age_s, true)).await;
+        assert_eq!((dry.status.as_u16(), dry.code()), (409, code.into()));
+        let staged = post(&ground, "ada", "commands", &request("driving", shown, max_age_s, false));
+        let staged = staged.await;
+        assert_eq!(staged.status, 201, "{}", staged.json());
+        let id = staged.json()["id"].as_str().unwrap().to_owned();
+        let armed = post(&ground, "ada", &format!("commands/{id}/arm"), &json!({})).await;
+        assert_eq!(armed.json()["state"], "armed");
+        let sent = post(&ground, "ada", &format!("commands/{id}/send"), &json!({})).await;
+        assert_eq!((sent.status.as_u16(), sent.code()), (409, code.into()));
+        let now = ground.get(&format!("/api/v1/commands/{id}")).await;
+        assert_eq!(now.json()["state"], "armed", "nothing went up");
+        post(&ground, "ada", &format!("commands/{id}/cancel"), &json!({})).await;
+    }
+    let staged = post(&ground, "ada", "commands", &request("driving", "ready", 600.0, false)).await;
+    let id = staged.json()["id"].as_str().unwrap().to_owned();
+    post(&ground, "ada", &format!("commands/{id}/arm"), &json!({})).await;
+    let sent = post(&ground, "ada", &format!("commands/{id}/send"), &json!({})).await;
+    assert_eq!(sent.json()["state"], "sent", "{}", sent.json());
+    ground
+        .until("mode driving", || async {
+            ground.frame().await["state"].is_object()
+                && ground.frame().await["operation"]["mode"] == "driving"
+        })
+        .await;
+}
