@@ -156,8 +156,9 @@ impl<'a> From<&'a str> for Field<'a> {
 impl Writer {
     /// Writes a record; its place and its length.
     fn record(&mut self, opcode: u8, mut body: Vec<u8>) -> (u64, u64) {
-        // What ends with its content, or is found from the end of the file, cannot be longer.
-        if self.padding && ![op::MESSAGE, op::FOOTER].contains(&opcode) {
+        // What ends with its content, or is found from the end of the file, cannot be longer; and readers
+        // in use let a chunk, too, end with its content.
+        if self.padding && ![op::MESSAGE, op::FOOTER, op::CHUNK].contains(&opcode) {
             body.extend([0x01, 0xFF, 0xFF]);
         }
         let at = self.bytes.len() as u64;
