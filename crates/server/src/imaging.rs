@@ -221,6 +221,7 @@ pub fn command(
         basis_joints_rad: Default::default(),
         basis_tolerance_rad: 0.0,
         model_hash: Some(hash_text(app.live.robot().hash())),
+        preconditions: Vec::new(),
         two_persons: app.config.commands.takes_two(&body),
         body,
     })

@@ -53,7 +53,7 @@ impl Ground {
         if let Some(progress) = self.images.progress(&capture)
             && self.images.state(&capture) == Some(&CaptureState::OnTheWay)
         {
-            self.book.progress(arrived, &Executing { command_id: capture, progress });
+            self.book.progress(arrived, &Executing { command_id: capture, progress, step: None });
         }
     }
 

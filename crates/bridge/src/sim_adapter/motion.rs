@@ -150,7 +150,11 @@ pub(super) fn waiting(
 }
 
 /// Asks the rover's own state of an instant; of what only the ground knows, its age.
-pub(super) fn gate(robot: &Robot, preconditions: &[Precondition], start: Timestamp) -> Option<Gate> {
+pub(super) fn gate(
+    robot: &Robot,
+    preconditions: &[Precondition],
+    start: Timestamp,
+) -> Option<Gate> {
     if preconditions.is_empty() {
         return None;
     }

@@ -5,8 +5,8 @@
 
 mod calibration;
 mod camera;
-mod codec;
 mod campaign;
+mod codec;
 mod images;
 mod map_truth;
 mod matching;
