@@ -380,12 +380,6 @@ fn on_slippery_ground_a_fast_swing_is_timed_so_that_no_foot_slips() {
             .count()
     };
     let (kept, fast) = (timed(&guard), timed(&regular));
-    println!(
-        "{} s with the shear, {} s without; {} slips",
-        kept.duration(),
-        fast.duration(),
-        slips(&fast)
-    );
     assert!(kept.pieces.iter().all(|piece| piece.held_back));
     assert_eq!(slips(&kept), 0);
     assert!(slips(&fast) > 10, "{}", slips(&fast));

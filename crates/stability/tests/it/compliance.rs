@@ -197,11 +197,7 @@ fn equal_springs_seldom_tell_more_torque_than_the_band_of_each_legs_own_stiffnes
         above += usize::from(equal > most);
     }
     off.sort_by(f64::total_cmp);
-    let (median, most) = (off[off.len() / 2], off[off.len() - 1]);
-    println!(
-        "off by {median:.3} in the middle, {most:.3} at most; above the band {above} of {}",
-        off.len()
-    );
+    let median = off[off.len() / 2];
     assert!(off.len() > 150 && above * 20 <= off.len(), "{above} of {}", off.len());
     assert!(median < 0.1, "{median}");
 }
