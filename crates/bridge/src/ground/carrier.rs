@@ -88,12 +88,10 @@ impl Ground {
             Uplink::Command { id, .. } => {
                 self.book.outcome_unknown(now, id, &format!("{why}; outcome unknown"));
             }
-            Uplink::EstopRelease { id } => {
-                if self.estop.release_lost(id) {
-                    let text = format!("the release of the E-stop did not reach the rover: {why}");
-                    self.notice(now, EventLevel::Warning, "server", &text);
-                    self.report_link();
-                }
+            Uplink::EstopRelease { id } if self.estop.release_lost(id) => {
+                let text = format!("the release of the E-stop did not reach the rover: {why}");
+                self.notice(now, EventLevel::Warning, "server", &text);
+                self.report_link();
             }
             // E-stops are never taken back; the rest is of no consequence.
             _ => {}

@@ -331,7 +331,8 @@ fn ends_that_do_not_belong_together_refuse_each_other_in_words() {
         (outcome, state)
     };
     assert_eq!(hello(&|_| {}), (Ok(()), CarrierState::Up));
-    let refusals: [(&dyn Fn(&mut Hello), &str); 3] = [
+    type Change<'a> = &'a dyn Fn(&mut Hello);
+    let refusals: [(Change<'_>, &str); 3] = [
         (&|hello| hello.protocol = 2, "version 2"),
         (&|hello| hello.side = Side::Ground, "same side"),
         (&|hello| hello.robot = "other".into(), "robot model other"),
