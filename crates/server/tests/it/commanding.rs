@@ -179,8 +179,8 @@ async fn a_command_waits_for_what_telemetry_shows_and_is_refused_by_name() {
         let dry =
             post(&ground, "ada", "commands", &request("driving", shown, max_age_s, true)).await;
         assert_eq!((dry.status.as_u16(), dry.code()), (409, code.into()));
-        let staged = post(&ground, "ada", "commands", &request("driving", shown, max_age_s, false));
-        let staged = staged.await;
+        let good = request("driving", shown, max_age_s, false);
+        let staged = post(&ground, "ada", "commands", &good).await;
         assert_eq!(staged.status, 201, "{}", staged.json());
         let id = staged.json()["id"].as_str().unwrap().to_owned();
         let armed = post(&ground, "ada", &format!("commands/{id}/arm"), &json!({})).await;
