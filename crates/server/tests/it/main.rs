@@ -13,7 +13,6 @@ mod foxglove;
 mod job;
 mod log_views;
 mod old_log;
-mod plan_record;
 mod posture;
 mod real_terrain;
 mod reconstruction;
