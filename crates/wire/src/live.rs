@@ -72,8 +72,8 @@ pub mod channel {
     ];
 }
 
-/// A plan of the live rover. The request is complete: asked for again on the same version of the
-/// map (`basis.terrain_version`) it gives the same answer, but for its id and the times it took.
+/// A plan of the live rover. The request is complete but for the map, which the answer names
+/// (`basis.terrain_version`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct PlanRecord {
     /// What was asked, with the state, robot, payloads and gravity it was asked for.

@@ -154,7 +154,15 @@ fn the_python_reader_has_the_same_of_every_variant() {
         return note_skipped(test, "FOOTFALL_PYTHON names no Python with the package mcap");
     };
     let dir = TempDir::new("variants-py");
-    let files = all_files(dir.path());
+    let mut files = all_files(dir.path());
+    // It (1.6.0) does not pass over what is added to a record within a chunk, and reads none of it.
+    files.retain(|name, (_, features)| {
+        let readable = !(features.chunks && features.padding);
+        if !readable {
+            std::fs::remove_file(dir.path().join(name)).unwrap();
+        }
+        readable
+    });
     let mut python = Command::new(python);
     python.arg(PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/variants.py"));
     assert_same(python, dir.path(), &files);
