@@ -139,7 +139,9 @@ fn over_links_that_lose_damage_double_and_mix_every_image_is_whole_or_told_missi
                 {
                     match rng.random_range(0..3) {
                         0 => data.0[0] ^= 1,
-                        1 => drop(data.0.pop()),
+                        1 => {
+                            data.0.pop();
+                        }
                         _ => *index = rng.random(),
                     }
                 }
