@@ -139,7 +139,9 @@ fn over_links_that_lose_damage_double_and_mix_every_image_is_whole_or_told_missi
                 {
                     match rng.random_range(0..3) {
                         0 => data.0[0] ^= 1,
-                        1 => drop(data.0.pop()),
+                        1 => {
+                            data.0.pop();
+                        }
                         _ => *index = rng.random(),
                     }
                 }
@@ -198,8 +200,8 @@ fn silence_ends_by_itself_and_lies_take_no_room() {
     // Seven, and with the head of the first 37 s, each twice as long: over before an hour.
     assert_eq!(asked.len(), 7, "{asked:?}");
     assert!(matches!(asked[6], (at, ImageUp::LetGo { .. }) if at < 6000), "{asked:?}");
-    let state = images.state("c").unwrap();
-    assert!(matches!(state, CaptureState::Incomplete { why } if why.contains("nothing of left")));
+    let ended = images.state("c").unwrap();
+    assert!(matches!(ended, CaptureState::Incomplete { why } if why.contains("nothing of left")));
     assert!(images.ask(after(20_000.0), 2.0, 0.0).is_empty());
 
     images.expect(after(0.0), "lies", &order(&["a"]));

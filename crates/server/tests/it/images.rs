@@ -169,8 +169,15 @@ async fn a_lossy_narrow_link_brings_all_pieces_and_telemetry_does_not_wait() {
         "down": { "queues": { "bulk": { "bytes": 1, "when_full": "drop_newest" } } }
     });
     assert_eq!(ground.call("PUT", "/api/v1/link", Some(&dead)).await.status, 200);
-    ground.clock.run_at(30.0);
     let accepted = ground.post("terrain/reconstructions", &request).await;
+    // What is armed lapses on a fast clock.
+    let started = || async {
+        let commands = ground.get("/api/v1/commands").await.json();
+        let last = commands["commands"].as_array().unwrap().last().cloned().unwrap_or_default();
+        commands["commands"].as_array().unwrap().len() == 2 && last["sent"].is_string()
+    };
+    ground.until("the command", started).await;
+    ground.clock.run_at(60.0);
     let report = ground.job(&accepted).await;
     assert_eq!(
         (&report["state"], &report["error"]["code"]),
