@@ -11,8 +11,9 @@ test("three pairs make a map with holes, a step is walked on it, and the holes c
   ops,
   page,
   server,
+  watch,
 }) => {
-  test.setTimeout(300_000);
+  test.setTimeout(400_000);
   await server.setDelay(0.05);
   await ops.open();
   const at = (testId: string) => ops.at(testId);
@@ -79,6 +80,9 @@ test("three pairs make a map with holes, a step is walked on it, and the holes c
     await expect(at("pictures")).toBeHidden();
   });
 
+  // A wheel that came down on ground that was told some centimeters too high stands in the map's ground until it
+  // is looked at again: the adviser refuses that stance, which the console shows as no margins.
+  watch.provoke(/422 to POST .*\/analysis\/posture$/, /status of 422/);
   await test.step("lift, look again, place: the hole closes while the leg is up", async () => {
     await at("hidden-leg1").click();
     await expect(at("leg-leg1")).toHaveAttribute("aria-pressed", "true");
