@@ -4,7 +4,7 @@
 #![allow(missing_docs, clippy::unwrap_used)] // a benchmark
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use bridge::bus::ChannelMessage;
 use bridge::clock::SystemClock;
@@ -13,6 +13,7 @@ use futures_util::{SinkExt, StreamExt};
 use server::api;
 use server::config::Config;
 use server::serve::{Mission, Server};
+use tokio::time::Instant;
 use tokio_tungstenite::connect_async;
 use tokio_tungstenite::tungstenite::Message;
 use wire::live::channel;
