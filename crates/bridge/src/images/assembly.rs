@@ -22,7 +22,7 @@ pub(super) enum Assembly {
     #[default]
     Unknown,
     /// Its head, and some pieces.
-    Partly { head: ImageHead, content: Vec<u8>, come: Vec<bool>, n_come: usize },
+    Partly { head: Box<ImageHead>, content: Vec<u8>, come: Vec<bool>, n_come: usize },
     /// All of it.
     Whole(Arc<ReceivedImage>),
 }
@@ -42,7 +42,8 @@ impl Assembly {
             return Err(format!("there is no room for its image of {bytes} bytes on the ground"));
         }
         let n = bytes.div_ceil(PIECE_BYTES);
-        *self = Assembly::Partly { head, content: vec![0; bytes], come: vec![false; n], n_come: 0 };
+        let (head, content) = (Box::new(head), vec![0; bytes]);
+        *self = Assembly::Partly { head, content, come: vec![false; n], n_come: 0 };
         Ok(Step::Missing)
     }
 
@@ -67,7 +68,8 @@ impl Assembly {
             *self = Assembly::Unknown;
             return Step::Missing;
         }
-        let image = ReceivedImage { head: head.clone(), png: std::mem::take(content).into() };
+        let image =
+            ReceivedImage { head: ImageHead::clone(head), png: std::mem::take(content).into() };
         let image = Arc::new(image);
         *self = Assembly::Whole(image.clone());
         Step::Whole(image)

@@ -36,6 +36,7 @@ fn command(number: u64) -> Uplink {
         basis_tolerance_rad: 0.0,
         model_hash: None,
         epoch: None,
+        preconditions: Vec::new(),
     }
 }
 

@@ -263,6 +263,7 @@ fn send(ground: &mut Ground, now: Timestamp, id: &str, order: ImageOrder) {
         basis_tolerance_rad: 0.0,
         model_hash: None,
         two_persons: false,
+        preconditions: Vec::new(),
     };
     ground.stage(now, command).unwrap().written_blocking().unwrap();
     ground.arm(now, id, "ada").unwrap().written_blocking().unwrap();

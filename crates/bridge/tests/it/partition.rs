@@ -176,6 +176,7 @@ fn hold(id: &str, leg: &str, joints: &[f64], seconds: f64, turn: f64) -> Uplink 
         basis_tolerance_rad: 0.0,
         model_hash: None,
         epoch: Some(3),
+        preconditions: Vec::new(),
     }
 }
 

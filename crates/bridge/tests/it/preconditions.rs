@@ -186,7 +186,7 @@ fn c1_no_command_begins_twice_and_none_on_a_stale_basis() {
             let said = adapter.advance(after(now_s + 2.5));
             let frame = said.iter().rev().find_map(|(_, d)| match d {
                 Downlink::Telemetry(frame) => frame.operation.as_ref().map(|o| o.mode),
-                Downlink::Ack { .. } => None,
+                Downlink::Ack { .. } | Downlink::Image(_) => None,
             });
             assert_eq!(frame, Some(present), "seed {seed}, message {i}");
             for (_, said) in said {

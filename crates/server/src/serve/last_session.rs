@@ -56,7 +56,7 @@ fn commands(log: &mut IndexedLog) -> Result<Vec<CommandEvent>, ReadError> {
 /// What the log tells of an E-stop.
 enum Told {
     Report(EstopState),
-    Uplink(Uplink),
+    Uplink(Box<Uplink>),
 }
 
 impl Told {
@@ -68,7 +68,7 @@ impl Told {
             channel::COMMAND_UPLINK => serde_json::from_slice::<Uplink>(&message.data)
                 .ok()
                 .filter(|up| matches!(up, Uplink::Estop { .. } | Uplink::EstopRelease { .. }))
-                .map(Told::Uplink),
+                .map(|uplink| Told::Uplink(Box::new(uplink))),
             _ => None,
         }
     }

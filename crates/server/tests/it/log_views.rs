@@ -61,6 +61,7 @@ fn shift(robot: &Robot, number: usize, frame: &RoverTelemetry, by: Vector3<f64>)
         basis_tolerance_rad: 0.001,
         model_hash: None,
         epoch: None,
+        preconditions: Vec::new(),
     }
 }
 
@@ -77,7 +78,7 @@ fn frames(robot: &Arc<Robot>, shifts: usize) -> Vec<(Timestamp, RoverTelemetry)>
         let said = adapter.advance(START.plus_seconds(number as f64 * (SHIFT_S + 0.3)));
         frames.extend(said.into_iter().filter_map(|(at, said)| match said {
             Downlink::Telemetry(frame) => Some((at, frame)),
-            Downlink::Ack { .. } => None,
+            Downlink::Ack { .. } | Downlink::Image(_) => None,
         }));
         let by = if number % 2 == 0 { 0.06 } else { -0.06 };
         let last = frames.last().map(|(_, frame)| frame).unwrap();

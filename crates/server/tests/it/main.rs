@@ -15,6 +15,7 @@ mod images;
 mod job;
 mod log_views;
 mod old_log;
+mod plan_record;
 mod posture;
 mod real_terrain;
 mod reconstruction;

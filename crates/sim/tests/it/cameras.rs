@@ -95,7 +95,7 @@ fn they_draw_what_is_seen_from_where_the_rover_is_and_send_it_at_the_rate_of_the
         pieces: vec![[0, 0], [1, u32::MAX]],
     };
     cameras.repeat("c", &[missing.clone(), missing.clone()]);
-    cameras.repeat("c", &[missing.clone()]);
+    cameras.repeat("c", std::slice::from_ref(&missing));
     let again = cameras.advance(2000.0);
     let (left, n_again) = images(&again);
     assert_eq!(left.len(), 1);
