@@ -21,6 +21,7 @@ const answer = (change: Partial<CoverageAnswer> = {}): CoverageAnswer => ({
   seen_share: 0.5,
   raw_bytes: 1,
   downlink_s: null,
+  cost: { bytes: 1, downlink_s: null, total_s: 1 },
   ...change,
 });
 
