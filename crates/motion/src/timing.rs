@@ -44,6 +44,9 @@ const DIFFERENCE: f64 = 1e-3;
 /// Share of the bound that is used, for what lies between samples.
 const SHARE: f64 = 0.95;
 
+/// Least acceleration of the share (1/s²): a piece then takes half an hour.
+const ACCELERATION_MIN: f64 = 1e-6;
+
 /// How fast joints may move.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TimingLimits {
@@ -177,6 +180,12 @@ pub enum TimingError {
         /// What is missing (m).
         missing: f64,
     },
+    /// The contacts hold the weight, but no acceleration to speak of.
+    #[error("on piece {piece} a foot would slip however slowly it moves")]
+    Slips {
+        /// Index of the piece.
+        piece: usize,
+    },
 }
 
 /// Times for a path of one leg with the rest of the robot standing as in `posture`.
@@ -247,8 +256,13 @@ fn timed(
         let start = pieces.last().map_or(0.0, TimedPiece::end);
         let stability = match guard {
             Some(guard) if *change > 0.0 => {
-                stability_bound(robot, guard, gravity, *change, &|share| masses_at(i, share))
-                    .map_err(|missing| TimingError::Unstable { piece: i, missing })?
+                let bound =
+                    stability_bound(robot, guard, gravity, *change, &|share| masses_at(i, share))
+                        .map_err(|missing| TimingError::Unstable { piece: i, missing })?;
+                if bound.is_nan() || bound < ACCELERATION_MIN {
+                    return Err(TimingError::Slips { piece: i });
+                }
+                bound
             }
             _ => f64::INFINITY,
         };

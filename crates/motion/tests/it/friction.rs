@@ -10,7 +10,7 @@ use collision::{Scene, survey, touchdowns};
 use geometry::{Grid, Raster};
 use microlp::{ComparisonOp, OptimizationDirection, Problem, Variable};
 use motion::{
-    AdviceOptions, Answer, Outcome, Phase, StepAnswer, StepRequest, Target, TimedPath,
+    AdviceOptions, Answer, Outcome, Phase, StepAnswer, StepRequest, Target, TimedPath, TimingError,
     TimingLimits, Unwatched, Wish, advise, base_between, plan_step, time_leg_path,
 };
 use nalgebra::{Isometry3, Point2, Point3, Rotation3, UnitQuaternion, Vector2, Vector3};
@@ -396,4 +396,20 @@ fn on_slippery_ground_a_fast_swing_is_timed_so_that_no_foot_slips() {
     let rough: Vec<Contact> = feet.iter().map(|(p, _)| Contact::level(*p, 2.0)).collect();
     let rough = StanceGuard::over(&rough, rules, Preference::Friction).unwrap();
     assert!((timed(&rough).duration() - fast.duration()).abs() < 1e-9);
+}
+
+#[test]
+fn without_friction_no_swing_is_timed_however_slow() {
+    let robot = loaded();
+    let start = standing(&robot);
+    let posture = Posture::new(&robot, &start);
+    let touch = |leg: LegId| posture.wheel(&robot, leg).lowest_point(&Vector3::z_axis());
+    let contacts: Vec<Contact> =
+        robot.leg_ids().skip(1).map(|leg| Contact::level(touch(leg), 0.0)).collect();
+    let guard = StanceGuard::over(&contacts, robot.stance(), Preference::Friction).unwrap();
+    let q = start.legs[0];
+    let knots = [q, q + LegAngles::new(0.4, -0.5, 0.1, 0.0, 0.0, 0.0)];
+    let limits = TimingLimits::of(&robot);
+    let timed = time_leg_path(&robot, &posture, LegId(0), &knots, Some(&guard), MOON, &limits);
+    assert_eq!(timed, Err(TimingError::Slips { piece: 0 }));
 }

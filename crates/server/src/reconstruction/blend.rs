@@ -21,6 +21,10 @@ use crate::error::ApiError;
 use crate::stop::Stop;
 use crate::terrains::terrain_error;
 
+/// Cells that pairs of one stand have in common, at least, to be fitted to each other: neighbors overlap
+/// little.
+const FIT_CELLS_MIN: usize = 30;
+
 /// The two images of a pair as they were received.
 #[derive(Debug, Clone)]
 pub struct PairSource {
@@ -75,7 +79,9 @@ pub(super) fn blend(
     }
     blended.keep_prior = step.keep_prior;
     let mut pictures = BTreeMap::new();
-    let mut pairs = Vec::with_capacity(sources.len());
+    let mut pairs: Vec<ReconstructedPair> = Vec::with_capacity(sources.len());
+    let mut dems = Vec::with_capacity(sources.len());
+    let settings = AlignSettings { cells_min: FIT_CELLS_MIN, ..AlignSettings::default() };
     for (i, source) in sources.iter().enumerate() {
         let refuse = |error: StereoError| stereo_error(stop, &source.pair, &error);
         tell(i, PairStage::Received);
@@ -86,29 +92,51 @@ pub(super) fn blend(
         pictures.insert(source.pair.clone(), seen.pictures(&images));
         let (mut answer, dem) = pair::map_of(&images, &seen, step.resolution_m, step.region)?;
         answer.capture = source.capture.clone();
-        if let Some(dem) = dem {
-            let (at, number) = (At::root("cameras"), blended.next_source);
-            let time_ns = ns(source.time());
-            let fitted = blended
-                .mapper
-                .add_pair(number, Arc::new(dem), time_ns, &AlignSettings::default())
-                .map_err(|error| terrain_error(&at, &error))?;
+        pairs.push(answer);
+        dems.push(dem.map(|dem| Arc::new(dem.seen_from(view_of(site.rig, &source.pair)))));
+    }
+    // What was taken at one instant is from one stand: fitted together.
+    let mut captures: Vec<(Timestamp, &str)> =
+        sources.iter().map(|source| (source.time(), source.capture.as_str())).collect();
+    captures.sort_unstable();
+    captures.dedup();
+    for (time, capture) in captures {
+        let stand: Vec<usize> = (0..sources.len())
+            .filter(|&i| sources[i].capture == capture && dems[i].is_some())
+            .collect();
+        if stand.is_empty() {
+            continue;
+        }
+        let numbers = blended.next_source..;
+        let numbered = numbers.zip(stand.iter().filter_map(|&i| dems[i].clone()));
+        let fits = blended
+            .mapper
+            .add_pairs(numbered.collect(), ns(time), &settings)
+            .map_err(|error| terrain_error(&At::root("cameras"), &error))?;
+        for (i, fitted) in stand.into_iter().zip(fits) {
+            let number = blended.next_source;
             blended.next_source += 1;
-            blended.names.insert(number, source.pair.clone());
+            blended.names.insert(number, sources[i].pair.clone());
+            let answer = &mut pairs[i];
             answer.source = Some(number);
             answer.shift_m = fitted.correction.translation_m.into();
             answer.yaw_rad = fitted.correction.yaw_rad;
             answer.fit_refused = fitted.refusal.is_some();
         }
-        tell(i, PairStage::Fused);
-        pairs.push(answer);
     }
+    (0..sources.len()).for_each(|i| tell(i, PairStage::Fused));
     if pairs.iter().any(|pair| pair.cells > 0) {
         let wheels: Vec<Point3<f64>> = step.wheels_m.iter().map(|p| Point3::from(*p)).collect();
         let radii = site.robot.leg_ids().map(|leg| site.robot.leg(leg).wheel.radius);
         blended.touch(&wheels, radii.fold(0.0, f64::max), ns(step.time))?;
     }
     Ok(Blend { pairs, pictures })
+}
+
+/// The number of a pair's view: what one pair sees again and again errs the same way.
+fn view_of(rig: &Rig, pair: &str) -> u32 {
+    let place = rig.pairs().iter().position(|other| other.name == pair);
+    place.and_then(|place| u32::try_from(place).ok()).unwrap_or_default()
 }
 
 /// The images of a pair, decoded, with its cameras where the rover said that it was.
