@@ -54,7 +54,7 @@ test("three pairs make a map with holes, a step is walked on it, and the holes c
 
   await askAndWait(ops, async () => {
     await expect(at("progress-haz2")).toHaveAttribute("data-stage", "requested");
-    await expect(at("progress-nav1")).toHaveAttribute("data-stage", "fused", { timeout: 60_000 });
+    await expect(at("progress-nav1")).toHaveAttribute("data-stage", "matched", { timeout: 60_000 });
   });
   await expect(at("changes")).toContainText("Added NavCam 1, HazCam 1, HazCam 2");
   const [first] = (await versions(server)).versions;
