@@ -6,7 +6,7 @@
 //! change meanwhile ends the work and begins it again: what is kept always belongs to one basis.
 //!
 //! Where only the map has changed, only the cells that the change can matter to are computed anew
-//! ([`before`]). A change of stance computes all: the margin of every cell is taken over all feet, with the
+//! (`before`). A change of stance computes all: the margin of every cell is taken over all feet, with the
 //! center of mass of the whole rover, so even one other foot that moves changes every leg's cells.
 
 mod before;

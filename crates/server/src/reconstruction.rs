@@ -1,11 +1,11 @@
 //! From stereo pairs of the live rover to a new version of the map, as a job.
 //!
-//! The images come from the rover over its link ([`request`]): the job sends an `image` command as an operator
+//! The images come from the rover over its link (`request`): the job sends an `image` command as an operator
 //! would, and waits for what comes down; or it takes images that are here already. From there on nothing counts
 //! but the images received, the posture that came with them, and the settings of the request, so that the
 //! same map can be made again from the flight log ([`rebuild`]), byte for byte.
 //!
-//! Matching, self-mask and rasterizing (`pair`) give a map of each pair; these are blended ([`blend`]) into one
+//! Matching, self-mask and rasterizing (`pair`) give a map of each pair; these are blended (`blend`) into one
 //! [`Mapper`] that lasts until another ground is imported. A reconstruction that fails or is cancelled
 //! leaves it as it was.
 //!
@@ -283,7 +283,6 @@ fn reconstruct(
         time: latest.onboard_time,
         pairs: sources.iter().map(PairSource::recorded).collect(),
     };
-    let before = blended.mapper.version().clone();
     let on = |share: f64| request::IMAGES_SHARE + (0.95 - request::IMAGES_SHARE) * share;
     let mut tell = |i: usize, stage: PairStage| {
         let Some(of) = sources.get(i) else { return };
@@ -299,7 +298,7 @@ fn reconstruct(
         };
         let doing = match stage {
             PairStage::Received => "matching",
-            PairStage::Matched => "blending",
+            PairStage::Matched => "matched",
             _ => "is in the map",
         };
         let share = (i as f64 + part) / sources.len() as f64;
@@ -307,7 +306,7 @@ fn reconstruct(
     };
     let site = blend::Site { robot: &work.robot, rig: &work.rig, ground: &work.ground };
     let made = blend::blend(&mut blended, &site, &step, &sources, job.stop(), &mut tell)?;
-    let blend::Blend { pairs, pictures } = made;
+    let blend::Blend { before, pairs, pictures } = made;
     let capture_time = sources.iter().map(PairSource::time).max().unwrap_or(latest.onboard_time);
     if pairs.iter().all(|pair| pair.cells == 0) {
         let message = "none of the pairs saw ground well enough: choose others, or a larger scale";

@@ -9,7 +9,7 @@ use rover::{Posture, Robot};
 use stereo::StereoError;
 use stereo::rig::Rig;
 use terrain::ElevationMap;
-use terrain::fusion::AlignSettings;
+use terrain::fusion::{AlignSettings, MapVersion};
 use wire::check::At;
 use wire::convert;
 use wire::reconstruction::{PairStage, ReconstructedPair, RecordedPair, SeenStep};
@@ -46,6 +46,8 @@ pub(super) struct Site<'a> {
 
 /// What came of a blending.
 pub(super) struct Blend {
+    /// What was known before, the map from before included.
+    pub before: Arc<MapVersion>,
     pub pairs: Vec<ReconstructedPair>,
     pub pictures: BTreeMap<String, PairPictures>,
 }
@@ -78,6 +80,7 @@ pub(super) fn blend(
         add_prior(blended, site.ground, step.resolution_m, ns(step.time))?;
     }
     blended.keep_prior = step.keep_prior;
+    let before: Arc<MapVersion> = blended.mapper.version().clone();
     let mut pictures = BTreeMap::new();
     let mut pairs: Vec<ReconstructedPair> = Vec::with_capacity(sources.len());
     let mut dems = Vec::with_capacity(sources.len());
@@ -130,7 +133,7 @@ pub(super) fn blend(
         let radii = site.robot.leg_ids().map(|leg| site.robot.leg(leg).wheel.radius);
         blended.touch(&wheels, radii.fold(0.0, f64::max), ns(step.time))?;
     }
-    Ok(Blend { pairs, pictures })
+    Ok(Blend { before, pairs, pictures })
 }
 
 /// The number of a pair's view: what one pair sees again and again errs the same way.
