@@ -56,6 +56,15 @@ impl Camera {
         }
     }
 
+    /// How far a point is along the axis (m), if it appears within the image; what may stand in the
+    /// way is not asked.
+    pub fn depth_in_view(&self, point: &Point3<f64>) -> Option<f64> {
+        let (pixel, size) = (self.project(point)?, self.size());
+        let inside = |value: f64, n: usize| value >= 0.0 && value <= (n - 1) as f64;
+        let is_inside = inside(pixel.x, size.width) && inside(pixel.y, size.height);
+        is_inside.then(|| (point - self.center()).dot(&(self.axes() * Vector3::z())))
+    }
+
     /// The ray that a pixel sees; none where the lens model does not hold.
     pub fn ray(&self, pixel: &Point2<f64>) -> Option<Ray> {
         let direction = match self {

@@ -104,14 +104,8 @@ fn resolution(
 ) -> Option<f64> {
     let mut coarsest: f64 = 0.0;
     for camera in cameras {
-        let pixel = camera.project(point)?;
-        let size = camera.size();
-        let inside = |value: f64, n: usize| value >= 0.0 && value <= (n - 1) as f64;
-        if !(inside(pixel.x, size.width) && inside(pixel.y, size.height)) {
-            return None;
-        }
+        let depth = camera.depth_in_view(point)?;
         let way = point - camera.center();
-        let depth = way.dot(&(camera.axes() * Vector3::z()));
         let facing = -way.normalize().dot(normal);
         if !(depth >= near && depth <= far && facing > 0.0) {
             return None;

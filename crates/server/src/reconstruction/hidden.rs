@@ -102,14 +102,8 @@ fn blocked_by(
 ) -> Option<String> {
     let mut hit = None;
     for camera in cameras {
-        let pixel = camera.project(point)?;
-        let size = camera.size();
-        let inside = |value: f64, n: usize| value >= 0.0 && value <= (n - 1) as f64;
-        if !(inside(pixel.x, size.width) && inside(pixel.y, size.height)) {
-            return None;
-        }
+        let depth = camera.depth_in_view(point)?;
         let way = point - camera.center();
-        let depth = way.dot(&(camera.axes() * Vector3::z()));
         if !((near..=far).contains(&depth) && ground.sees(&camera.center(), point, SLACK_M)) {
             return None;
         }
