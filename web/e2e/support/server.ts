@@ -1,13 +1,11 @@
 // The ground server that a test starts for itself: the demo mission with the simulated rover.
 
-import { type ChildProcess, spawn } from "node:child_process";
+import type { ChildProcess } from "node:child_process";
 import { mkdtempSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 
-import { PROJECT } from "./files";
-
-export const BINARY = process.env.FOOTFALL_BIN ?? join(PROJECT, "target/debug/footfall");
+import { begin, kill, said } from "./program";
 
 export class GroundServer {
   private readonly folder = mkdtempSync(join(tmpdir(), "footfall-e2e-"));
@@ -22,35 +20,16 @@ export class GroundServer {
   /** Starts it on a free port, or again on the port that it had. */
   async start(): Promise<void> {
     const port = this.url === "" ? "0" : new URL(this.url).port;
-    const child = spawn(
-      BINARY,
-      ["serve", "--demo", "--port", port, "--logs", this.logs, "--terrains", this.terrains].concat(
-        this.more,
-      ),
-      { stdio: ["ignore", "pipe", "pipe"] },
-    );
-    this.child = child;
-    this.url = await new Promise<string>((resolve, reject) => {
-      let said = "";
-      const hear = (chunk: Buffer) => {
-        said += chunk.toString();
-        const address = /http:\/\/127\.0\.0\.1:\d+/.exec(said);
-        if (address) resolve(address[0]);
-      };
-      child.stdout.on("data", hear);
-      child.stderr.on("data", hear);
-      child.once("error", (error) => reject(new Error(`${BINARY}: ${error.message}`)));
-      child.once("exit", (code) => reject(new Error(`${BINARY} ended with ${code}: ${said}`)));
-    });
+    const folders = ["--logs", this.logs, "--terrains", this.terrains];
+    const args = ["serve", "--demo", "--port", port, ...folders, ...this.more];
+    this.child = begin(args);
+    this.url = await said(this.child, /http:\/\/127\.0\.0\.1:\d+/);
   }
 
   async stop(): Promise<void> {
     const child = this.child;
     this.child = null;
-    if (!child || child.exitCode !== null) return;
-    const ended = new Promise((resolve) => child.once("exit", resolve));
-    child.kill("SIGKILL");
-    await ended;
+    await kill(child);
   }
 
   /** Ends it and leaves nothing behind. */
