@@ -10,7 +10,7 @@ use rover::{
 };
 
 use crate::form::{Core, Form, Placed};
-use crate::ground::{highest_known, is_near_ground_at};
+use crate::ground::{Kernel, highest_known, is_near_ground_at, near_known_ground};
 use crate::look::{Ask, Look, TOUCHING, better, look_at_ground, look_at_pair, look_at_solids};
 use crate::pairs::{Body, pair_tolerance};
 use crate::scene::Scene;
@@ -430,6 +430,35 @@ impl<'a> LegChecker<'a> {
     /// As [`violation`](Self::violation) for joint angles.
     pub fn violation_at(&self, angles: &LegAngles, allowance: Allowance) -> Option<Violation> {
         self.violation_in(&self.chain.frames(angles), allowance)
+    }
+
+    /// As [`violation_at`](Self::violation_at), with the distance of the nearest ground where ground is what is
+    /// too near: the plain answer is content with the first ground that is.
+    pub fn measured_violation_at(
+        &self,
+        angles: &LegAngles,
+        allowance: Allowance,
+    ) -> Option<Violation> {
+        let frames = self.chain.frames(angles);
+        let moment = Moment::still(&frames, allowance);
+        let mut scratch = Scratch::new(self);
+        let found =
+            self.items.iter().find_map(|item| match self.look(&moment, item, &mut scratch) {
+                Look::Violated(violation) => Some((usize::from(item.moving), violation)),
+                Look::Clear | Look::Open(_) => None,
+            });
+        let (index, violation) = found?;
+        let required = violation.required;
+        if !matches!(violation.touch, Touch::Ground(_)) || required <= 0.0 || allowance.buffered {
+            return Some(violation);
+        }
+        let (part, placed) = (self.moving[index].part, &scratch.parts[index].placed);
+        let kernel = Kernel::Quick { enough: 0.0 };
+        let nearest = near_known_ground(self.scene, part, placed, required, kernel);
+        let Some(near) = nearest.filter(|near| near.distance < violation.distance) else {
+            return Some(violation);
+        };
+        Some(Violation { distance: near.distance, place: near.place, ..violation })
     }
 
     fn violation_in(&self, frames: &LegFrames, allowance: Allowance) -> Option<Violation> {
