@@ -1,10 +1,11 @@
 //! Reachability over a boulder field, the rover standing on it; budget at 2 cm cells on two cores: 50 ms for
 //! one leg, 250 ms for six.
 //!
-//! The load, one leg of `athlete` in its bent stance, cells of 2 cm: 35 500 lie within the circle of the
-//! leg's length, of which on level ground 24 040 (among boulders 23 860) are within reach of the wrist (the budget's row says about
-//! 13 000). Of these 23 900 (23 660) have joint angles within the limits, 23 120 (22 860) do not collide
-//! where they stand, all (22 340) reach the waypoint above, and 22 250 (18 900) are free there and stable: reachable.
+//! The load, one leg of `athlete` in its bent stance, cells of 2 cm; level ground (boulders):
+//! 35 500 lie within the circle of the leg's length; 24 040 (23 860) are within reach of the wrist, for which
+//! the budget says about 13 000; 23 900 (23 660) have joint angles within the limits; 23 120 (22 860) do
+//! not collide where they stand; 23 120 (22 340) reach the waypoint above; 22 250 (18 900) are free there:
+//! reachable. All of them are stable.
 //!
 //! "Again" is what it costs to bring an answer up to date: where half a meter square of ground has changed beside
 //! the leg, and where what has changed is out of its reach, so that only the stance is looked at.
