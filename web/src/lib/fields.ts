@@ -21,6 +21,7 @@ export function fieldOf(message: unknown, path: string): unknown {
   let value: unknown = message;
   for (const name of path.split(".")) {
     if (typeof value !== "object" || value === null) return undefined;
+    if (Array.isArray(value) && !/^\d+$/.test(name)) return undefined;
     value = Object.hasOwn(value, name) ? (value as Record<string, unknown>)[name] : undefined;
   }
   return value ?? undefined;

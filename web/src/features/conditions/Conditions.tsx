@@ -181,7 +181,7 @@ function NewCondition(props: {
         />
       </label>
       <label className="field">
-        at most old (s)
+        max age (s)
         <input
           type="number"
           min={0}

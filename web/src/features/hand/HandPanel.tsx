@@ -53,11 +53,11 @@ export function HandPanel() {
       )}
       <section className="section stack" aria-label="Stop and hold">
         <div className="row between">
-          <span className="quiet small">Stop what is under way, stay idle</span>
+          <span className="quiet small">Stop what is under way</span>
           <StageButton body={{ type: "stop" }} label="Stage stop" testId="hand-stop" />
         </div>
         <div className="row between">
-          <span className="quiet small">Brakes on once the stance is safe</span>
+          <span className="quiet small">Brakes on once it is safe</span>
           <StageButton body={{ type: "hold" }} label="Stage hold" testId="hand-hold" />
         </div>
       </section>

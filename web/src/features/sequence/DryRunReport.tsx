@@ -3,6 +3,7 @@
 import type { DryRun } from "../../api/types";
 import { preconditionWords, shownValue } from "../../lib/fields";
 import { readable } from "../../lib/format";
+import { formatSpan } from "../../lib/time";
 import { StatusMark } from "../../ui/StatusMark";
 import { CHECK_WORDS, OUTCOME_MARKS, OUTCOME_WORDS } from "./outcomes";
 
@@ -16,7 +17,14 @@ export function DryRunReport({ report }: { report: DryRun }) {
       : `Dry run: ${waits} ${waits === 1 ? "check waits" : "checks wait"}`;
   return (
     <div className="dry-run stack" data-testid="dry-run" data-ready={report.ready}>
-      <strong role="status">{summary}</strong>
+      <p className="row between">
+        <strong role="status">{summary}</strong>
+        {report.duration_s != null && (
+          <span className="num quiet" title="How long it takes">
+            {formatSpan(report.duration_s)}
+          </span>
+        )}
+      </p>
       <ul className="stack">
         {report.checks.map(({ check, outcome, message }) => (
           <li

@@ -3,7 +3,6 @@
 
 import { ListChecks, ListPlus } from "lucide-react";
 
-import { formatSpan } from "../../lib/time";
 import { useBlocked } from "../../store/permission";
 import {
   clearSequence,
@@ -86,33 +85,28 @@ export function SequenceBuilder() {
           {failure}
         </p>
       )}
-      <div className="row between">
-        <span className="small quiet num">
-          {dryRun?.duration_s != null && `takes ${formatSpan(dryRun.duration_s)}`}
-        </span>
-        <span className="row">
-          <button
-            type="button"
-            className="button"
-            data-testid="sequence-dry-run"
-            disabled={busy}
-            title="All checks but the release; nothing is staged"
-            onClick={() => void dryRunSequence()}
-          >
-            <ListChecks size={14} aria-hidden />
-            Dry run
-          </button>
-          <button
-            type="button"
-            className="button primary"
-            data-testid="sequence-stage"
-            disabled={busy || why !== null}
-            title={why ?? "Stage the whole of it as one command"}
-            onClick={() => void stageSequence()}
-          >
-            Stage sequence
-          </button>
-        </span>
+      <div className="row sequence-acts">
+        <button
+          type="button"
+          className="button"
+          data-testid="sequence-dry-run"
+          disabled={busy}
+          title="All checks but the release; nothing is staged"
+          onClick={() => void dryRunSequence()}
+        >
+          <ListChecks size={14} aria-hidden />
+          Dry run
+        </button>
+        <button
+          type="button"
+          className="button primary"
+          data-testid="sequence-stage"
+          disabled={busy || why !== null}
+          title={why ?? "Stage the whole of it as one command"}
+          onClick={() => void stageSequence()}
+        >
+          Stage sequence
+        </button>
       </div>
     </section>
   );
