@@ -8,9 +8,11 @@ import { configWith, GroundServer } from "./support/server";
 
 /** A console of its own, as of another person: another browser with another name. */
 async function another(browser: Browser, server: GroundServer, name: string): Promise<Console> {
-  const page = await (await browser.newContext()).newPage();
-  const ops = new Ops(page, server);
-  await ops.open();
+  // A small window: two pictures at once are much to draw in software.
+  const context = await browser.newContext({ viewport: { width: 900, height: 600 } });
+  const ops = new Ops(await context.newPage(), server);
+  await ops.page.goto(`${server.url}/?quality=low`);
+  await expect(ops.at("leg-leg1")).toBeVisible({ timeout: 60_000 });
   await called(ops, name);
   return ops;
 }
@@ -41,6 +43,7 @@ test("one console commands, the other sees why not, asks, is given it, and takes
   server,
   browser,
 }) => {
+  test.setTimeout(200_000);
   await ops.open();
   await server.setDelay(0.1);
   await called(ops, "ada");
@@ -100,7 +103,7 @@ test.describe("with a second person for brakes and sequences", () => {
     server: async ({}, use) => {
       const config = configWith({
         two_persons: '"wheel_brake sequence"',
-        authority_lease_s: "4.0",
+        authority_lease_s: "6.0",
       });
       const server = new GroundServer([], config);
       await server.start();
@@ -114,6 +117,7 @@ test.describe("with a second person for brakes and sequences", () => {
     server,
     browser,
   }) => {
+    test.setTimeout(200_000);
     await ops.open();
     await server.setDelay(0.1);
     await called(ops, "ada");
@@ -142,7 +146,7 @@ test.describe("with a second person for brakes and sequences", () => {
     // A console that is closed renews nothing: its authority lapses by itself.
     await expect(bob.at("authority-word")).toHaveText("ada commands");
     await ops.page.close();
-    await expect(bob.at("authority-word")).toHaveText("Nobody commands", { timeout: 20_000 });
+    await expect(bob.at("authority-word")).toHaveText("Nobody commands", { timeout: 30_000 });
     await bob.page.context().close();
   });
 });
@@ -150,7 +154,9 @@ test.describe("with a second person for brakes and sequences", () => {
 test("a sequence is put together, tried dry, ends at its first failure, and goes through when mended", async ({
   ops,
   server,
+  watch,
 }) => {
+  test.setTimeout(200_000);
   await ops.open();
   await server.setDelay(0.1);
   await byHand(ops, "sequence");
@@ -170,20 +176,22 @@ test("a sequence is put together, tried dry, ends at its first failure, and goes
   await expect(ops.at("check-log")).toHaveAttribute("data-outcome", "passed");
   await expect(ops.at("step-0")).toHaveAttribute("data-outcome", "failed");
   await expect(ops.at("step-1")).toHaveAttribute("data-outcome", "not_reached");
+  watch.provoke(/answer: 422 .*\/commands$/, /Failed to load resource/);
   await ops.at("sequence-stage").click();
   await expect(ops.at("sequence-failure")).toContainText("mode driving");
+  watch.provoke();
   expect((await server.get<{ commands: unknown[] }>("commands")).commands).toEqual([]);
 
   // By keyboard: the step goes later. The last waits for what will not be.
   await ops.page.getByRole("button", { name: "Later: Release all wheels" }).press("Enter");
   await expect(ops.at("step-0")).toContainText("Mode driving");
   await expect(ops.at("dry-run"), "another draft").toHaveCount(0);
-  await ops.at("step-2-conditions").click();
+  await ops.at("step-2-filter").click();
   await ops.at("step-2-field").fill("operation.mode");
   await expect(ops.at("step-2-present")).toHaveText("now ready");
   await ops.at("step-2-value").fill("ready");
   await ops.at("step-2-add").click();
-  await expect(ops.at("step-2-conditions")).toBeVisible();
+  await expect(ops.at("step-2-conditions")).toContainText("operation.mode is ready");
   await ops.at("sequence-dry-run").click();
   await expect(ops.at("dry-run")).toHaveAttribute("data-ready", "true");
   await expect(ops.at("dry-run-conditions")).toContainText("operation.mode is ready, now ready");
@@ -247,7 +255,7 @@ test("what a command waits for is shown beside the present value, and it is not 
   await ops.at("hand-field").fill("regular.margin_m");
   await ops.at("hand-op").selectOption("ge");
   await ops.at("hand-value").fill("50");
-  await expect(ops.at("hand-present")).toHaveText(/now 0\.\d+/);
+  await expect(ops.at("hand-present")).toHaveText(/^now \d+\.\d+$/);
   await ops.at("hand-add").click();
   await expect(ops.at("hand-conditions")).toContainText("regular.margin_m at least 50");
   await stageMode(ops, "driving");
@@ -325,9 +333,9 @@ test("a link is chosen from presets, and its counters add up whatever waits", as
   await ops.at("delay-apply").click();
   const counters = ops.at("link-counters");
   await expect(counters).toContainText("lost on the way");
-  await expect(counters.getByRole("row", { name: "copies made" })).not.toContainText(
-    /\b0\b.*\b0\b/,
-  );
+  const copies = counters.getByRole("row", { name: "copies made" }).locator("td");
+  await expect(copies.nth(0)).toHaveText("0");
+  await expect(copies.nth(1)).toHaveText(/^[1-9]\d*$/);
   for (const balance of await ops.at("balance").all()) {
     await expect(balance).toHaveAttribute("data-off", "0");
   }

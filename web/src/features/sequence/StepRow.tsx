@@ -43,7 +43,7 @@ export function StepRow({ step, at, n, foreseen, otherMap }: Props) {
             aria-label={`Conditions of step ${at + 1}`}
             aria-expanded={open}
             title={waits === 0 ? "Only if telemetry shows…" : `${waits} conditions`}
-            data-testid={`step-${at}-conditions`}
+            data-testid={`step-${at}-filter`}
             onClick={() => setOpen(!open)}
           >
             <Filter size={14} aria-hidden />
