@@ -228,7 +228,7 @@ test("a sequence is put together, tried dry, ends at its first failure, and goes
 test("the commands of a plan go as one sequence", async ({ ops, server }) => {
   await ops.open();
   await server.setDelay(0.1);
-  await ops.pickBeside("leg2", 0.1, 0);
+  await ops.pickBeside("leg1", 0.25, -0.3);
   const plan = await ops.planWithEnter();
   await ops.at("plan-to-sequence").click();
   const n = plan.commands.length;

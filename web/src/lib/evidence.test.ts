@@ -43,8 +43,9 @@ test("a shift of the body goes by its furthest leg", () => {
 
 test("wheels, joints, modes and brakes", () => {
   expect(fits({ type: "wheel_line", leg: "leg1", position_m: [1, 2, 3.005] })).toBe("done");
-  expect(fits({ type: "wheel_line", leg: "leg1", position_m: [1, 2, 3.5] })).toBe("neither");
+  expect(fits({ type: "wheel_line", leg: "leg1", position_m: [1, 2, 3.5] })).toBe("not_there");
   expect(fits({ type: "joint_move", joints_rad: { leg1_pitch: 0.5 } })).toBe("done");
+  expect(fits({ type: "joint_move", joints_rad: { leg1_pitch: 0.6 } })).toBe("not_there");
   expect(fits({ type: "joint_move", joints_rad: { leg9_pitch: 0.5 } })).toBe("unknown");
   expect(fits({ type: "mode", mode: "driving" })).toBe("done");
   expect(fits({ type: "mode", mode: "safe" })).toBe("not_done");

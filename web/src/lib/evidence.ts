@@ -5,7 +5,7 @@ import { DEG, legLabel, metres, signless } from "./format";
 import { parseOptional } from "./time";
 
 /** What the state as reported fits. */
-export type Fits = "done" | "not_done" | "neither" | "unknown";
+export type Fits = "done" | "not_done" | "neither" | "not_there" | "unknown";
 
 export interface Evidence {
   fits: Fits;
@@ -47,7 +47,7 @@ export function evidenceOf(body: CommandBody, shown: Shown): Evidence {
       if (!wheel) return NOT_TOLD;
       const off = Math.hypot(...wheel.map((v, i) => v - body.position_m[i]!));
       return {
-        fits: off <= NEAR_M ? "done" : "neither",
+        fits: off <= NEAR_M ? "done" : "not_there",
         text: `The wheel of ${legLabel(body.leg)} is ${metres(off)} from where it was to go.`,
       };
     }
@@ -111,7 +111,7 @@ function ofJoints(goals: Record<string, number>, { telemetry, legs }: Shown): Ev
     off = Math.max(off, Math.abs(now - goal));
   }
   const text = `The joints are ${degrees(off)} from where they were to go.`;
-  return { fits: off <= NEAR_RAD ? "done" : "neither", text };
+  return { fits: off <= NEAR_RAD ? "done" : "not_there", text };
 }
 
 const furthest = (a: number[], b: number[]) =>
@@ -124,6 +124,7 @@ export const FIT_WORDS: Record<Fits, string> = {
   done: "fits that it was done",
   not_done: "fits that it was not done",
   neither: "fits neither its beginning nor its end",
+  not_there: "fits that it was not done, or not to its end",
   unknown: "does not tell",
 };
 

@@ -3,7 +3,7 @@
 import { useState } from "react";
 
 import type { CommandBody, LegModel, Vec3 } from "../../api/types";
-import { DEG, legLabel, metres } from "../../lib/format";
+import { DEG, legLabel, signless } from "../../lib/format";
 import { HAND_KEY, useRequests } from "../../store/commands";
 import { useConsole, useLive } from "../../store/console";
 import { wheelOf } from "../../store/kinematics";
@@ -122,8 +122,8 @@ function WheelLine({ leg }: { leg: LegModel }) {
         ))}
       </div>
       <div className="row between">
-        <span className="quiet small num">
-          {target && `to ${target.map((v) => metres(v)).join(", ")}`}
+        <span className="quiet small num hand-to">
+          {target && `to ${target.map((v) => signless(v, 2)).join(", ")} m`}
         </span>
         <StageButton body={body} step={step} label="Stage line" testId="hand-line" />
       </div>
