@@ -43,6 +43,7 @@ describe("the history of margins", () => {
   afterEach(() => {
     stop();
     useConsole.setState({ stream: NO_STREAM });
+    vi.restoreAllMocks();
   });
 
   it("follows what is shown and begins anew with each source", () => {

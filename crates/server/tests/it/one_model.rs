@@ -78,7 +78,7 @@ fn telemetry(robot: &Robot, frame: sim::Frame) -> RoverTelemetry {
     let vector = |v: &Vector3<f64>| [v.x, v.y, v.z];
     let legs = |of: &dyn Fn(LegId) -> [f64; 3]| convert::by_leg(robot, of);
     serde_json::from_value(serde_json::json!({
-        "state": convert::state(robot, &frame.configuration),
+        "state": convert::rover_state(robot, &frame.configuration),
         "contacts": convert::by_leg(robot, |leg| frame.contacts[leg.0]),
         "contact_points_m": legs(&|leg| vector(&frame.contact_points[leg.0].coords)),
         "wheel_forces_n": legs(&|leg| vector(&frame.wheel_forces[leg.0])),
