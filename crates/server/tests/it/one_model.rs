@@ -11,7 +11,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use reachability::{CellClass, Obstruction, ReachOptions, Reason, explain};
 use rover::{Configuration, LegId, Payload, Posture, Robot};
-use server::analyses::derived::{Site, derive};
+use server::analyses::{Site, derive};
 use sim::SimRover;
 use stability::{StanceReport, assess};
 use terrain::ElevationMap;
