@@ -91,7 +91,9 @@ test("after a jump in a replay the strip shows the minutes before", async ({
 }) => {
   await ops.open();
   const strip = ops.at("margin-history");
-  const samples = async () => Number((await strip.getAttribute("data-samples")) ?? 0);
+  const samples = async () =>
+    (await strip.count()) === 0 ? 0 : Number(await strip.getAttribute("data-samples"));
+  await ops.at("all-margins").click();
   await expect.poll(samples, { timeout: 30_000 }).toBeGreaterThan(10);
   const { logs } = await server.get<LogList>("logs");
   await ops.at("mode-menu").click();
