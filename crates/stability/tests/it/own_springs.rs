@@ -31,7 +31,7 @@ fn random_configuration(
     case: usize,
     rng: &mut ChaCha8Rng,
 ) -> (Posture, Feet, Configuration) {
-    let mut bent = robot.pose("bent").unwrap();
+    let mut bent = robot.pose("bent").expect("the fixture has it");
     for leg in &mut bent.legs {
         for joint in 0..3 {
             leg[joint] += rng.random_range(-0.3..0.3);
@@ -60,8 +60,8 @@ fn stiffness_by_differences(
     leg: LegId,
     at: &Point3<f64>,
 ) -> f64 {
-    let (joints, tire) = robot.compliance().springs.unwrap();
-    let fork = *robot.leg(leg).links.last().unwrap();
+    let (joints, tire) = robot.compliance().springs.expect("the fixture has them");
+    let fork = *robot.leg(leg).links.last().expect("a leg has links");
     let own = posture.link(fork).inverse() * at;
     let height = |place: usize, by: f64| {
         let mut turned = *angles;
@@ -90,7 +90,8 @@ fn least_energy(
         root[i] * [1.0, arm.x, arm.y][row]
     });
     let load = DVector::from_column_slice(&[weight, 0.0, 0.0]);
-    let back = balance.transpose() * (&balance * balance.transpose()).try_inverse().unwrap();
+    let back = balance.transpose()
+        * (&balance * balance.transpose()).try_inverse().expect("feet enclose an area");
     let mut at = DVector::from_fn(n, |i, _| root[i] * springs[i].pressed_m);
     let mut off = DVector::zeros(n);
     for _ in 0..200_000 {

@@ -12,7 +12,7 @@ fn worst_ratio(robot: &Robot, pose: &str, standing: &[usize]) -> f64 {
     let feet = contacts(robot, &posture, standing);
     let points: Vec<_> = feet.iter().map(|(_, p)| *p).collect();
     let com = posture.center_of_mass(robot);
-    let loads = spring_share(&points, &com, robot.mass() * 9.8).unwrap();
+    let loads = spring_share(&points, &com, robot.mass() * 9.8).expect("the stance holds");
     let wrench = |((leg, point), load): (&(LegId, _), &f64)| {
         (*leg, Wrench { point: *point, force: Vector3::z() * *load })
     };
