@@ -98,6 +98,7 @@ fn in_background(
             Ok(permit) => permit,
             Err(error) => return job.end(Err(error)),
         };
+        contact::settled(&app).await;
         // A job that ends by a fault says so by itself.
         let work = move || {
             let _place = permit;
