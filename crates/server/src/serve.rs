@@ -336,6 +336,12 @@ fn live(
     ground.publish(now, channel::TERRAIN, &notice);
     let text = format!("session begins on {}; {where_it_is}", notice.source);
     ground.notice(now, EventLevel::Info, "server", &text);
+    if let Some(version) = earlier.seen_map {
+        let text = format!(
+            "the session before ended on the map {version}, which cameras had made; it and its images are not read              back: ask the pairs again. Its log has them (footfall log rebuild)"
+        );
+        ground.notice(now, EventLevel::Caution, "server", &text);
+    }
     let payloads = config.rover.payloads();
     let live = Live::new(LiveParts { ground, clock, robot, rig, payloads, gravity, friction });
     Ok((live, dialer))

@@ -14,6 +14,7 @@ use crate::app::AppState;
 use crate::body::{Body, Path};
 use crate::error::ApiError;
 use crate::plans::{self, Asked, StoredPlan, When};
+use crate::reconstruction::contact;
 use crate::scene::Context;
 use crate::staging;
 use crate::stop::Stop;

@@ -56,8 +56,8 @@ pub async fn settled(app: &AppState) {
     let inner = app.clone();
     // A change or reconstruction meanwhile wins, and knows of the wheels or is looked at again.
     match tokio::task::spawn_blocking(move || catch_up(&inner)).await {
-        Ok(Err(error)) if error.code != "cancelled" => {
-            tracing::warn!("standing wheels were not told to the map: {error}");
+        Ok(Err(ApiError(error))) if error.code != "cancelled" => {
+            tracing::warn!("standing wheels were not told to the map: {}", error.message);
         }
         Err(error) => tracing::error!("standing wheels were not told to the map: {error}"),
         Ok(_) => {}
