@@ -323,8 +323,8 @@ impl Version {
         let p = Point2::new(x_m, y_m);
         let (trust, foot, limits) = (self.trust.as_ref(), self.footprint_m, &self.limits);
         // Where the map is too coarse for the foot there is only its height to tell.
-        let cell = traversability::explain_trusted_cell(&self.map, trust, p, foot, limits)
-            .unwrap_or(None);
+        let cell =
+            traversability::explain_trusted_cell(&self.map, trust, p, foot, limits).unwrap_or(None);
         let height_m = self.map.height_at(p);
         let doubted = self.seen.as_ref().zip(cell.as_ref()).and_then(|(seen, cell)| {
             let sigma_m = f64::from(seen.doubt_m(cell.position));

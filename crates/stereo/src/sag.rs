@@ -2,7 +2,8 @@
 //!
 //! A leg that is turned about its hip pitch is laid over the points that were seen near it: along the
 //! view of each point, the leg's surface is to be where the point is. Of the turns within what is
-//! expected, the one that explains most points is taken, if it explains clearly more than none does.
+//! expected, the one that explains most points is taken, if it explains clearly more than none does, and is not
+//! the farthest of them.
 //! Points near the ground do not count. The turn is a free measurement of sag, and with it the self-mask
 //! ([`crate::self_mask`]) draws the leg where it is.
 
@@ -25,6 +26,8 @@ const ABOVE: f64 = 0.15;
 const POINTS: [usize; 2] = [40, 600];
 /// By how much more the best turn is to explain than none.
 const GAIN: f64 = 1.5;
+/// Share of the points that it is to explain beside those that none does.
+const EXPLAINED: f64 = 0.1;
 
 /// What a pair saw near each leg: points that may be of it, each with the place that it was seen from.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -169,6 +172,11 @@ impl<'a> Hip<'a> {
         let best = turns
             .map(|turn| (explained(turn), turn))
             .fold((none, 0.0), |best, one| if one.0 > best.0 { one } else { best });
-        if best.0 > GAIN * none { best.1 } else { 0.0 }
+        // What fits best at the end of what is expected would fit better beyond: that is something else than the
+        // leg, as is what explains few of the points.
+        let is_within = best.1.abs() < (f64::from(n) - 0.5) * STEP / self.reach;
+        let n_looked = seen.len().div_ceil(stride) as f64;
+        let is_clear = best.0 > GAIN * none && best.0 - none > EXPLAINED * n_looked;
+        if is_within && is_clear { best.1 } else { 0.0 }
     }
 }

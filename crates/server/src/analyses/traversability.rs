@@ -37,8 +37,7 @@ pub fn traversability(
         Some(live) => live.version.judged(footprint_m, &limits),
         None => judge(&map, footprint_m, &limits),
     };
-    let layers = layers
-        .map_err(|error| terrain_error(&At::root("footprint_m"), &error))?;
+    let layers = layers.map_err(|error| terrain_error(&At::root("footprint_m"), &error))?;
     stop.check()?;
     Ok(Judged(layers))
 }

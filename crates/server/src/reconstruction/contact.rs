@@ -135,8 +135,7 @@ impl Blended {
 /// By how much a contact would change the height of the map at its place (m); none where that is unknown.
 fn correction(map: &MapVersion, keep_prior: bool, p: &Point3<f64>) -> Option<f64> {
     let cell = map.cell_at(p.xy())?;
-    let policy =
-        ReadPolicy { use_prior: keep_prior, use_masked: true, use_conflicts: false };
+    let policy = ReadPolicy { use_prior: keep_prior, use_masked: true, use_conflicts: false };
     let height = f64::from(MapVersion::read(&cell, policy));
     (!height.is_nan()).then_some(p.z - height)
 }
@@ -190,17 +189,14 @@ fn catch_up(app: &AppState) -> Result<(), ApiError> {
     let radii = robot.leg_ids().map(|leg| robot.leg(leg).wheel.radius);
     let names: Vec<&str> = near.iter().map(|(leg, _)| leg.as_str()).collect();
     let what = format!("wheel contact: {}", names.join(", "));
-    let wheels = near.iter().map(|(leg, p)| StoodWheel { leg: leg.clone(), contact_m: (*p).into() });
-    let step = ContactStep {
-        wheels: wheels.collect(),
-        wheel_radius_m: radii.fold(0.0, f64::max),
-        time,
-    };
+    let wheels =
+        near.iter().map(|(leg, p)| StoodWheel { leg: leg.clone(), contact_m: (*p).into() });
+    let step =
+        ContactStep { wheels: wheels.collect(), wheel_radius_m: radii.fold(0.0, f64::max), time };
     blended.contacts(&step)?;
     let after = blended.mapper.version().clone();
     let changes = after.changes_since(&before);
-    let changes =
-        told(&in_use, VersionStep::Contact, what.clone(), &changes, after.resolution_m());
+    let changes = told(&in_use, VersionStep::Contact, what.clone(), &changes, after.resolution_m());
     let map = read(&after, &ground, blended.keep_prior, &blended.pair_names())?;
     let made = app.store.prepare_seen(map, app.clock.now(), blended.seen_by(Some(changes)));
     let name = made.info.version.clone();

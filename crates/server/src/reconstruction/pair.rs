@@ -90,7 +90,8 @@ pub fn measure(
     robot: &Robot,
     turns: &[f64],
 ) -> Result<Seen, StereoError> {
-    let mut surface = triangulate(&matched.geometry, &matched.disparity, &triangulation(&images.pair))?;
+    let mut surface =
+        triangulate(&matched.geometry, &matched.disparity, &triangulation(&images.pair))?;
     let posture = Posture::new(robot, &turned(&images.reported, turns));
     let scene = RayScene::new(None, Some((robot, &posture)));
     let sigmas = LinkSigmas::new(robot, &posture, &PostureErrors::default());
@@ -134,8 +135,7 @@ pub fn map_of(
             off.norm() <= region.radius_m
         })
     };
-    let points: Vec<Measurement> =
-        surface.points.iter().map(measurement).filter(inside).collect();
+    let points: Vec<Measurement> = surface.points.iter().map(measurement).filter(inside).collect();
     let options = RasterizeOptions {
         resolution_m,
         variance_max_m2: HEIGHT_SIGMA_MAX_M * HEIGHT_SIGMA_MAX_M,

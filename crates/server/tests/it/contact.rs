@@ -30,7 +30,7 @@ async fn where_a_wheel_was_put_down_the_map_has_its_height_and_a_log_gives_it_ag
     let mut steps = Vec::new();
     for index in 0..n_commands {
         let record = ground.execute(plan["id"].as_str().unwrap(), index).await;
-        assert_eq!(record["state"], "completed", "{record}");
+        assert_eq!(record["state"], "done", "{record}");
         // Whatever is asked of the rover once it stands knows of the wheel.
         let stands = ground.frame().await["contacts"]["leg1"] == true;
         for leg in ["leg1", "leg2"].into_iter().filter(|_| stands) {
@@ -44,16 +44,14 @@ async fn where_a_wheel_was_put_down_the_map_has_its_height_and_a_log_gives_it_ag
     let version = current(&ground).await;
     assert_eq!(version["changes"]["what"], "wheel contact: leg1");
     let frame = ground.frame().await;
-    let [x, y, z] =
-        [0, 1, 2].map(|i| frame["contact_points_m"]["leg1"][i].as_f64().unwrap());
+    let [x, y, z] = [0, 1, 2].map(|i| frame["contact_points_m"]["leg1"][i].as_f64().unwrap());
     let name = version["version"].as_str().unwrap();
     let cell = ground.get(&format!("/api/v1/terrain/{name}/cell?x_m={x}&y_m={y}")).await.json();
     assert!((cell["height_m"].as_f64().unwrap() - z).abs() < 1e-3, "{cell} {z}");
     assert!(cell["seen"]["camera"].is_null() && cell["seen"]["prior"] == false, "{cell}");
     assert!((z - truth.height_at(Point2::new(x, y)).unwrap()).abs() < 0.05, "{z}");
     // It changed the ground under that wheel and nowhere else.
-    let [before, after] =
-        [&seen, &version].map(|v| v["version"].as_str().unwrap().to_owned());
+    let [before, after] = [&seen, &version].map(|v| v["version"].as_str().unwrap().to_owned());
     let at = wire::check::At::root("v");
     let [before, after] = [before, after].map(|v| ground.app().store.get(&at, &v).unwrap());
     let grid = *after.map.grid();

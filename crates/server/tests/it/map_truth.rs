@@ -70,7 +70,8 @@ async fn unsafe_ground_is_hardly_ever_called_safe_by_the_server() {
         bad += count(is == UNSAFE);
         wrong += count(is == UNSAFE && class == SAFE);
         // As it would look without doubt.
-        let looks = layers.goodness.nearest(p).filter(|g| *g >= Limits::default().caution_below as f32);
+        let looks =
+            layers.goodness.nearest(p).filter(|g| *g >= Limits::default().caution_below as f32);
         let certain = layers.certainty.nearest(p).is_some_and(|c| c >= 0.5);
         plain_wrong += count(is == UNSAFE && looks.is_some() && certain);
         if (ix + 7 * iy) % 601 == 0 {
@@ -80,7 +81,10 @@ async fn unsafe_ground_is_hardly_ever_called_safe_by_the_server() {
     println!(
         "{visible} visible cells, classed {:.1} %, called safe {:.1} %, truly unsafe {:.1} %, called safe {:.3} % \
          of visible, without doubt {:.3} %",
-        100.0 * known / visible, 100.0 * safe / visible, 100.0 * bad / visible, 100.0 * wrong / visible,
+        100.0 * known / visible,
+        100.0 * safe / visible,
+        100.0 * bad / visible,
+        100.0 * wrong / visible,
         100.0 * plain_wrong / visible,
     );
     assert!(visible > 15_000.0 && bad > 0.01 * visible, "{visible} {bad}");

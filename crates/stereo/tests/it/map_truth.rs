@@ -25,7 +25,10 @@ fn judge(label: &str, campaign: &Campaign, rmse: f64) -> Vec<String> {
         ("heights within 4 m", s.rmse_4m <= rmse),
         ("errors over sigma", (0.8..=1.3).contains(&s.normalized_4m)),
     ];
-    held.iter().filter(|(_, holds)| !holds).map(|(what, _)| format!("{label}: {what}: {s}")).collect()
+    held.iter()
+        .filter(|(_, holds)| !holds)
+        .map(|(what, _)| format!("{label}: {what}: {s}"))
+        .collect()
 }
 
 #[test]

@@ -33,7 +33,8 @@ impl AsSeen {
     /// Its class with so much doubt, and what that is made of.
     fn doubted(&self, sigma_m: f64, k: f64, footprint_m: f64, limits: &Limits) -> (u8, Doubt) {
         let more = k * std::f64::consts::SQRT_2 * sigma_m;
-        let (step_m, slope_rad) = (self.step_m + more, self.slope_rad + (more / footprint_m).atan());
+        let (step_m, slope_rad) =
+            (self.step_m + more, self.slope_rad + (more / footprint_m).atan());
         let class_as_seen = self.class;
         let doubt = Doubt { sigmas: k, sigma_m, step_m, slope_rad, class_as_seen };
         if self.class == UNKNOWN {
