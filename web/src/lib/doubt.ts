@@ -10,7 +10,8 @@ const SAFE = 3;
 
 /** How doubt was counted; null where none of it was, as on imported ground. */
 export function doubtOf(doubt: Doubt, kind: number): string | null {
-  const nameOf = (value: number) => TRAVERSABILITY.find((s) => s.value === value)?.name ?? "unknown";
+  const nameOf = (value: number) =>
+    TRAVERSABILITY.find((s) => s.value === value)?.name ?? "unknown";
   if (doubt.sigma_m == null)
     return doubt.class_as_seen === SAFE ? "Looks safe, but nobody saw this very place." : null;
   const allowed = doubt.sigmas * doubt.sigma_m;

@@ -17,10 +17,11 @@ fn judge(label: &str, campaign: &Campaign, rmse: f64) -> Vec<String> {
     let s = score(&gathered, mapper.version(), K);
     println!("{label}\n  as it looks: {plain}\n  with doubt: {s}");
     let held = [
-        ("much of it is seen", s.visible > 20_000.0),
-        ("there is unsafe ground", s.truly_unsafe > 0.01 * s.visible),
+        ("much of it is seen", s.visible > 15_000.0),
+        ("there is unsafe ground", s.truly_unsafe > 0.003 * s.visible),
         ("most of it is known", s.classed > 0.7 * s.visible),
-        ("a map that calls nothing safe is none", s.safe > 0.1 * s.visible),
+        // Of rough highlands three in a hundred cells are safe.
+        ("a map that calls nothing safe is none", s.safe > 0.14 * s.truly_safe),
         ("unsafe called safe", s.unsafe_called_safe <= 0.005 * s.visible),
         ("heights within 4 m", s.rmse_4m <= rmse),
         ("errors over sigma", (0.8..=1.3).contains(&s.normalized_4m)),
