@@ -1,5 +1,6 @@
 //! Replays of logs: each is advanced by a task of its own and heard by any number of listeners.
 
+mod margins;
 mod opening;
 
 use std::collections::BTreeMap;

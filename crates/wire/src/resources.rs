@@ -444,6 +444,31 @@ pub struct ReplayState {
     pub ended: bool,
 }
 
+/// How the margins went before the place of a replay.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ReplayMargins {
+    /// Oldest first: the least of each half second on board, at most of the last five minutes.
+    pub samples: Vec<MarginsThen>,
+    /// False where the log has more of these five minutes than is read at once.
+    pub complete: bool,
+}
+
+/// Margins at a time; each absent where there was no such region, or it was not known.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct MarginsThen {
+    /// On board.
+    pub at: Timestamp,
+    /// In the regular support polygon (m).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub regular_m: Option<f64>,
+    /// In the conservative region (m).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub conservative_m: Option<f64>,
+    /// In the region that friction holds (m).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub friction_m: Option<f64>,
+}
+
 fn one() -> f64 {
     1.0
 }

@@ -24,6 +24,7 @@ import type {
   ReconstructionAnswer,
   ReconstructionRequest,
   ReplayChange,
+  ReplayMargins,
   ReplayState,
   RoverAnswer,
   Scene,
@@ -218,5 +219,7 @@ export const api = {
   replayResult: (path: string) => json<ReplayState>("GET", path),
   changeReplay: (id: string, change: ReplayChange) =>
     json<ReplayState>("PATCH", `replays/${part(id)}`, change),
+  /** How the margins went before the place where it is. */
+  replayMargins: (id: string) => json<ReplayMargins>("GET", `replays/${part(id)}/margins`),
   endReplay: (id: string) => json<unknown>("DELETE", `replays/${part(id)}`),
 };

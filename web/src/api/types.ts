@@ -135,6 +135,7 @@ export type LogInfo = Wire<"LogInfo">;
 export type LogList = Wire<"LogList">;
 export type ReplayState = Wire<"ReplayState">;
 export type ReplayChange = Wire<"ReplayChange">;
+export type ReplayMargins = Wire<"ReplayMargins">;
 
 export type StreamRequest = Wire<"StreamRequest">;
 type Told = Wire<"StreamFrame">;
