@@ -137,7 +137,8 @@ fn judge(
     // Cells coarser than a ninth of the foot are resampled.
     let finer = (9.0 * map.grid().resolution / footprint_m).max(1.0);
     let n_nodes = map.grid().len() as f64 * finer * finer;
-    if n_nodes > SERVED_NODES_MAX as f64 {
+    // A foot of no width is refused by its name further on.
+    if footprint_m > 0.0 && n_nodes > SERVED_NODES_MAX as f64 {
         let (n_nodes, max_nodes) = (n_nodes as u64, SERVED_NODES_MAX as u64);
         return Err(TerrainError::TooManyNodes { n_nodes, max_nodes });
     }
