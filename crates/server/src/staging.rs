@@ -20,6 +20,7 @@ use crate::error::ApiError;
 use crate::imaging;
 use crate::live::hash_text;
 use crate::plans::{BASIS_JOINT_RAD, Present, StoredPlan, When};
+use crate::reconstruction::contact;
 
 pub use dry_run::dry_run;
 
@@ -69,10 +70,14 @@ pub fn stale(
     let latest = app.live.latest()?;
     let robot = app.live.robot();
     let version = app.store.current();
+    // What only standing wheels were told to is as good a map for a plan as the one that it was made on.
+    let of_plan = &plan.answer.basis.terrain_version;
+    let in_use = &version.info.version;
+    let terrain_version = if contact::holds_over(app, of_plan, in_use) { of_plan } else { in_use };
     let present = Present {
         robot,
         model_hash: &hash_text(robot.hash()),
-        terrain_version: &version.info.version,
+        terrain_version,
         frame: &latest.frame,
     };
     Ok(plan.stale(&present, of, when))

@@ -10,7 +10,7 @@ use terrain::formats::mesh::{self, HeightMesh};
 use terrain::traversability::{self, Layers, Limits};
 use terrain::{ElevationMap, SourceKind, TerrainError};
 use wire::check::{At, RequestError};
-use wire::resources::{CellAnswer, CellComponent, TerrainVersion, TerrainVersions};
+use wire::resources::{CellAnswer, CellComponent, CellDoubt, TerrainVersion, TerrainVersions};
 use wire::tile::{Format, Header, TILE_CELLS};
 use wire::time::Timestamp;
 
@@ -22,6 +22,9 @@ use crate::terrains::{SERVED_NODES_MAX, terrain_error};
 pub const LAYERS: [&str; 7] =
     ["height", "slope", "roughness", "step", "goodness", "certainty", "class"];
 
+/// Standard deviations of doubt where the configuration says nothing.
+const DOUBT_SIGMAS: f64 = 0.5;
+
 /// A version of the map with what is computed from it.
 pub struct Version {
     /// What is told of it.
@@ -32,12 +35,17 @@ pub struct Version {
     limits: Limits,
     layers: Result<Layers, TerrainError>,
     seen: Option<seen::Seen>,
+    /// How far each node is to be trusted, where cameras saw the map.
+    trust: Option<Raster<f32>>,
+    /// Standard deviations of doubt in what cameras saw.
+    doubt_sigmas: f64,
 }
 
 /// The versions that are kept.
 pub struct TerrainStore {
     footprint_m: f64,
     limits: Limits,
+    doubt_sigmas: f64,
     most: usize,
     /// Newest first; the first is in use. Never empty.
     versions: Mutex<Vec<Arc<Version>>>,
@@ -53,29 +61,31 @@ impl TerrainStore {
         limits: Limits,
         most: usize,
     ) -> TerrainStore {
-        let first = Version::new(map, now, footprint_m, limits);
+        let first = Version::new(map, now, footprint_m, limits, None);
         TerrainStore {
             footprint_m,
             limits,
+            doubt_sigmas: DOUBT_SIGMAS,
             most: most.max(1),
             versions: Mutex::new(vec![Arc::new(first)]),
         }
     }
 
+    /// The same, with so many standard deviations of doubt in what cameras saw.
+    pub fn doubting(self, doubt_sigmas: f64) -> TerrainStore {
+        TerrainStore { doubt_sigmas, ..self }
+    }
+
     /// Judges a map, to be put in use.
     pub fn prepare(&self, map: ElevationMap, now: Timestamp) -> Arc<Version> {
-        Arc::new(Version::new(map, now, self.footprint_m, self.limits))
+        Arc::new(Version::new(map, now, self.footprint_m, self.limits, None))
     }
 
     /// Judges a map that cameras saw, to be put in use.
     pub fn prepare_seen(&self, map: ElevationMap, now: Timestamp, seen: SeenBy) -> Arc<Version> {
-        let mut version = Version::new(map, now, self.footprint_m, self.limits);
-        let by = seen::Seen::new(&seen);
-        version.info.layers.extend(SEEN_LAYERS.map(String::from));
-        version.info.sources = by.labels().to_vec();
-        version.info.captured = by.newest();
+        let by = Some((seen::Seen::new(&seen), self.doubt_sigmas));
+        let mut version = Version::new(map, now, self.footprint_m, self.limits, by);
         (version.info.pairs, version.info.changes) = (seen.captures, seen.changes);
-        version.seen = Some(by);
         Arc::new(version)
     }
 
@@ -118,15 +128,27 @@ impl TerrainStore {
 }
 
 /// Traversability of a whole map, unless it would take too many cells.
-fn judge(map: &ElevationMap, footprint_m: f64, limits: &Limits) -> Result<Layers, TerrainError> {
+fn judge(
+    map: &ElevationMap,
+    seen: Option<(&seen::Seen, &Raster<f32>, f64)>,
+    footprint_m: f64,
+    limits: &Limits,
+) -> Result<Layers, TerrainError> {
     // Cells coarser than a ninth of the foot are resampled.
     let finer = (9.0 * map.grid().resolution / footprint_m).max(1.0);
     let n_nodes = map.grid().len() as f64 * finer * finer;
-    if n_nodes > SERVED_NODES_MAX as f64 {
+    // A foot of no width is refused by its name further on.
+    if footprint_m > 0.0 && n_nodes > SERVED_NODES_MAX as f64 {
         let (n_nodes, max_nodes) = (n_nodes as u64, SERVED_NODES_MAX as u64);
         return Err(TerrainError::TooManyNodes { n_nodes, max_nodes });
     }
-    traversability::traversability(map, footprint_m, limits)
+    let Some((seen, trust, sigmas)) = seen else {
+        return traversability::traversability(map, footprint_m, limits);
+    };
+    let layers = traversability::trusted_traversability(map, trust, footprint_m, limits)?;
+    let grid = *layers.class.grid();
+    let doubt = Raster::from_fn(grid, |ix, iy| seen.doubt_m(grid.position(ix, iy)));
+    layers.with_doubt(&doubt, sigmas)
 }
 
 /// Tiles along an axis of so many nodes.
@@ -145,7 +167,13 @@ pub fn version_name(map: &ElevationMap) -> String {
 }
 
 impl Version {
-    fn new(map: ElevationMap, now: Timestamp, footprint_m: f64, limits: Limits) -> Version {
+    fn new(
+        map: ElevationMap,
+        now: Timestamp,
+        footprint_m: f64,
+        limits: Limits,
+        seen: Option<(seen::Seen, f64)>,
+    ) -> Version {
         let grid = *map.grid();
         let known = map.heights().values().iter().filter(|z| !z.is_nan());
         let (mut low, mut high, mut n_known) = (f32::INFINITY, f32::NEG_INFINITY, 0_usize);
@@ -153,7 +181,9 @@ impl Version {
             (low, high, n_known) = (low.min(*z), high.max(*z), n_known + 1);
         }
         let z_range_m = if n_known == 0 { [0.0; 2] } else { [low.into(), high.into()] };
-        let layers = judge(&map, footprint_m, &limits);
+        let trust = seen.as_ref().map(|(seen, _)| seen.trust(&map));
+        let by = seen.as_ref().zip(trust.as_ref()).map(|((seen, k), trust)| (seen, trust, *k));
+        let layers = judge(&map, by, footprint_m, &limits);
         let info = TerrainVersion {
             version: version_name(&map),
             source: source_text(&map),
@@ -169,14 +199,24 @@ impl Version {
             zooms: n_zooms(grid.nx.max(grid.ny)),
             layers: if layers.is_ok() { &LAYERS[..] } else { &LAYERS[..1] }
                 .iter()
+                .chain(seen.iter().flat_map(|_| &SEEN_LAYERS))
                 .map(|name| (*name).to_owned())
                 .collect(),
             changes: None,
             pairs: Vec::new(),
-            sources: Vec::new(),
-            captured: None,
+            sources: seen.as_ref().map_or(Vec::new(), |(seen, _)| seen.labels().to_vec()),
+            captured: seen.as_ref().and_then(|(seen, _)| seen.newest()),
         };
-        Version { info, map, footprint_m, limits, layers, seen: None }
+        let doubt_sigmas = seen.as_ref().map_or(0.0, |(_, sigmas)| *sigmas);
+        let seen = seen.map(|(seen, _)| seen);
+        Version { info, map, footprint_m, limits, layers, seen, trust, doubt_sigmas }
+    }
+
+    /// Traversability of the whole map for another foot or by other limits, with the same trust and doubt.
+    pub fn judged(&self, footprint_m: f64, limits: &Limits) -> Result<Layers, TerrainError> {
+        let by = self.seen.as_ref().zip(self.trust.as_ref());
+        let by = by.map(|(seen, trust)| (seen, trust, self.doubt_sigmas));
+        judge(&self.map, by, footprint_m, limits)
     }
 
     /// Traversability of the whole map, or why there is none.
@@ -279,13 +319,19 @@ impl Version {
         Ok(Some(bytes))
     }
 
-    /// Everything known of the cell at a place.
+    /// Everything known of the cell at a place; its class is that of the layers.
     pub fn cell(&self, x_m: f64, y_m: f64) -> CellAnswer {
         let p = Point2::new(x_m, y_m);
+        let (trust, foot, limits) = (self.trust.as_ref(), self.footprint_m, &self.limits);
         // Where the map is too coarse for the foot there is only its height to tell.
-        let cell = traversability::explain_cell(&self.map, p, self.footprint_m, &self.limits)
-            .unwrap_or(None);
+        let cell =
+            traversability::explain_trusted_cell(&self.map, trust, p, foot, limits).unwrap_or(None);
         let height_m = self.map.height_at(p);
+        let doubted = self.seen.as_ref().zip(cell.as_ref()).and_then(|(seen, cell)| {
+            let sigma_m = f64::from(seen.doubt_m(cell.position));
+            cell.doubted(sigma_m, self.doubt_sigmas).unwrap_or(None)
+        });
+        let plain = cell.as_ref().map_or(traversability::UNKNOWN, |c| c.class);
         CellAnswer {
             position_m: [x_m, y_m],
             height_m,
@@ -295,7 +341,8 @@ impl Version {
             step_m: cell.as_ref().and_then(|c| c.step_m),
             goodness: cell.as_ref().and_then(|c| c.goodness),
             certainty: cell.as_ref().map(|c| c.certainty),
-            class: cell.as_ref().map_or(traversability::UNKNOWN, |c| c.class),
+            class: doubted.map_or(plain, |(class, _)| class),
+            doubt: doubted.filter(|_| plain != traversability::UNKNOWN).map(|(_, d)| doubt(&d)),
             known_share: cell.as_ref().map(|c| c.known_share),
             seen: height_m.and_then(|_| self.seen.as_ref()?.at(p)),
             components: cell.iter().flat_map(|c| c.components()).map(component).collect(),
@@ -386,6 +433,17 @@ pub fn export(
         ExportFormat::Obj => mesh::write_obj(&mesh, &comments),
         _ => terrain::formats::ply::write(&mesh, &comments),
     })
+}
+
+fn doubt(d: &traversability::Doubt) -> CellDoubt {
+    let known = |v: f64| Some(v).filter(|v| !v.is_nan());
+    CellDoubt {
+        sigmas: d.sigmas,
+        sigma_m: known(d.sigma_m),
+        step_m: known(d.step_m),
+        slope_rad: known(d.slope_rad),
+        class_as_seen: d.class_as_seen,
+    }
 }
 
 fn component(c: traversability::Component) -> CellComponent {

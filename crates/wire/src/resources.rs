@@ -607,9 +607,28 @@ pub struct CellAnswer {
     /// Slope, roughness and step with the thresholds they were held against; the least goodness
     /// decides.
     pub components: Vec<CellComponent>,
+    /// What doubt of the heights makes of it, which is in `class`; none where the class is unknown, and on maps that no
+    /// camera made.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub doubt: Option<CellDoubt>,
     /// Which pair saw it, and when; none on maps that no camera made.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seen: Option<CellSeen>,
+}
+
+/// What a cell may be, so far as its heights are not sure. Where that is not safe, neither is its class.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct CellDoubt {
+    /// Standard deviations of the height that count.
+    pub sigmas: f64,
+    /// Standard deviation of its height (m); none where it has no height, and nothing is safe.
+    pub sigma_m: Option<f64>,
+    /// Step that may be there (m).
+    pub step_m: Option<f64>,
+    /// Slope that may be there (rad).
+    pub slope_rad: Option<f64>,
+    /// The class as it looks, without doubt.
+    pub class_as_seen: u8,
 }
 
 /// One of the values that goodness is the least ramp of.
