@@ -8,6 +8,7 @@ pub mod mesh;
 pub mod obj;
 pub mod off;
 pub mod pds3;
+pub mod picture;
 pub mod ply;
 pub mod png_heights;
 
