@@ -26,6 +26,7 @@ import { startCameras } from "./store/cameras";
 import { start, useConsole } from "./store/console";
 import { startEnergy } from "./store/energy";
 import { startMargins } from "./store/marginHistory";
+import { startDrapes } from "./store/drapes";
 import { startMapLayer } from "./store/mapLayer";
 import { startPosture } from "./store/posture";
 import { loadTerrain, useTerrain } from "./store/terrain";
@@ -55,6 +56,7 @@ export function App() {
   useEffect(startPosture, []);
   useEffect(startCameras, []);
   useEffect(startMapLayer, []);
+  useEffect(startDrapes, []);
   useHotkeys();
   useTerrainOfVersion();
   useReachability();

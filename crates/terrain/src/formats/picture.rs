@@ -128,9 +128,14 @@ impl SampleKind {
             (formats.first().copied().unwrap_or(1), bits.first().copied().unwrap_or(0));
         let is_same = formats.iter().all(|f| *f == format) && bits.iter().all(|b| *b == depth);
         if !is_same || !matches!((format, depth), (1, 8 | 16) | (3, 32)) {
-            return refuse(format!(
-                "its samples have {bits:?} bits of format {formats:?}; give bytes, 16-bit unsigned or 32-bit float"
-            ));
+            let kinds = formats.iter().zip(&bits).take(4).map(|(format, bits)| match format {
+                1 => format!("uint{bits}"),
+                2 => format!("int{bits}"),
+                3 => format!("float{bits}"),
+                other => format!("{bits} bits of format {other}"),
+            });
+            let kinds = kinds.collect::<Vec<_>>().join(", ");
+            return refuse(format!("its samples are {kinds}; give uint8, uint16 or float32"));
         }
         Ok(SampleKind { n_bands, format, bits: depth })
     }

@@ -11,20 +11,20 @@ use terrain::formats::{geotiff, pds3};
 use testkit::{is_installed, shared_data_path};
 
 /// A folder of this test's own.
-fn folder(name: &str) -> PathBuf {
+pub fn folder(name: &str) -> PathBuf {
     let path = std::env::temp_dir().join(format!("footfall-gdal-{name}-{}", std::process::id()));
     std::fs::create_dir_all(&path).unwrap();
     path
 }
 
-fn run(program: &str, arguments: &[&str]) -> String {
+pub fn run(program: &str, arguments: &[&str]) -> String {
     let output = Command::new(program).args(arguments).output().unwrap();
     assert!(output.status.success(), "{program}: {}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).unwrap()
 }
 
 /// A band as GDAL reads it, converted to 64-bit floats, line by line from the top.
-fn gdal_band(file: &Path, band: usize, folder: &Path) -> Vec<f64> {
+pub fn gdal_band(file: &Path, band: usize, folder: &Path) -> Vec<f64> {
     let raw = folder.join(format!("band{band}.raw"));
     let (file, out) = (file.to_str().unwrap(), raw.to_str().unwrap());
     let band = band.to_string();

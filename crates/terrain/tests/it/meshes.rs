@@ -287,3 +287,14 @@ fn damaged_meshes_and_clouds_give_an_answer_or_an_error() {
     let cut = obj::read(&originals[0][..originals[0].len() - 4], MAX);
     assert!(matches!(cut, Err(TerrainError::MeshFaceCorners { .. })), "{cut:?}");
 }
+
+#[test]
+fn points_far_apart_are_refused_before_a_map_is_made_of_them() {
+    // 100 m x 100 m at 5 cm are 2001 x 2001 nodes.
+    let bytes = cloud("ascii", XYZ, b"0 0 0 0\n100 0 1 100\n");
+    let options = ReadOptions { max_nodes: 2001 * 2001 - 1, ..ReadOptions::default() };
+    let refused = read_named("a.ply", &bytes, &options).unwrap_err();
+    assert!(matches!(refused, TerrainError::TooManyNodes { n_nodes: 4_004_001, .. }), "{refused}");
+    let options = ReadOptions { cell_m: Some(10.0), max_nodes: 121, ..ReadOptions::default() };
+    assert_eq!(read_named("a.ply", &bytes, &options).unwrap().grid().nx, 11);
+}

@@ -5,7 +5,7 @@ use std::process::Command;
 use geometry::{Grid, Raster};
 use nalgebra::Point2;
 use terrain::formats::mesh::{HeightMesh, write_obj};
-use terrain::formats::{ReadOptions, geotiff, obj, ply, read_with};
+use terrain::formats::{ReadOptions, geotiff, obj, picture, ply, read_with};
 use terrain::{ElevationMap, Source, TerrainError};
 
 use super::answered;
@@ -45,6 +45,7 @@ pub fn readers() -> Vec<Reader> {
             }
         }),
         png_reader(),
+        overlay_reader(),
     ]
 }
 
@@ -80,6 +81,57 @@ fn map(result: Result<ElevationMap, TerrainError>) -> Answer {
     answered(&result)
 }
 
+/// Pictures over the ground of [`ground`].
+fn overlay_reader() -> Reader {
+    let grid = Grid { origin: Point2::new(-1.0, 3.0), resolution: 0.1, nx: 50, ny: 40 };
+    let gray: Vec<u8> = (0..grid.len()).map(|i| (i * i / 31) as u8).collect();
+    let alpha: Vec<u8> = (0..grid.len()).map(|i| if i % 7 == 0 { 0 } else { 255 }).collect();
+    let ours = geotiff::write_picture(&grid, &gray, &alpha).unwrap();
+    let kinds: [&[&str]; 5] = [
+        &["-b", "1", "-b", "1", "-b", "1", "-colorinterp", "red,green,blue"],
+        &["-b", "1", "-b", "1", "-b", "1", "-b", "2", "-co", "COMPRESS=LZW", "-co", "TILED=YES"],
+        &[
+            "-b",
+            "1",
+            "-ot",
+            "UInt16",
+            "-a_nodata",
+            "0",
+            "-co",
+            "COMPRESS=DEFLATE",
+            "-co",
+            "PREDICTOR=2",
+        ],
+        &["-b", "1", "-ot", "Float32", "-co", "COMPRESS=PACKBITS"],
+        &["-co", "INTERLEAVE=PIXEL", "-co", "BIGTIFF=YES"],
+    ];
+    let read = |bytes: &[u8]| {
+        let limits = geotiff::GeoTiffOpenOptions::default();
+        let file = geotiff::GeoTiffFile::from_bytes_with_options(bytes.to_vec(), limits)?;
+        let (low, high) = (Point2::new(0.0, 4.0), Point2::new(3.0, 6.0));
+        picture::read(&file, low, high, NODES_MAX)
+    };
+    let seeds = as_gdal_writes("picture", ours, &kinds, |bytes| read(bytes).is_ok());
+    Reader {
+        name: "overlay",
+        seeds,
+        read: Box::new(move |_, bytes| {
+            let picture = read(bytes);
+            let is_whole = |p: &picture::Picture| {
+                p.rgba.len() == p.grid.len()
+                    && p.grid.len() <= NODES_MAX
+                    && p.stretch.iter().flatten().all(|v| v.is_finite())
+            };
+            if picture.as_ref().is_ok_and(|p| !is_whole(p)) {
+                return Err("it read an unusable picture".to_owned());
+            }
+            answered(&picture)
+        }),
+        memory_max: TIFF_MEMORY_MAX,
+        seconds_max: SECONDS_MAX,
+    }
+}
+
 fn ground() -> ElevationMap {
     ground_with(f32::NAN)
 }
@@ -94,18 +146,9 @@ fn ground_with(odd: f32) -> ElevationMap {
     ElevationMap::new(heights, Source::file("ground"))
 }
 
-/// Ours, and the same as GDAL writes it with each of its compressions where it is installed.
 fn geotiffs() -> Vec<Seed> {
     let map = ground();
     let ours = geotiff::write_layers(map.grid(), &[("height_m", map.heights())]).unwrap();
-    let mut seeds = vec![Seed::new("ours", Kind::Tiff, ours.clone())];
-    if !testkit::is_installed("fuzz of GDAL's GeoTIFF", "gdal_translate") {
-        return seeds;
-    }
-    let folder = std::env::temp_dir().join(format!("footfall-fuzz-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    let (from, to) = (folder.join("from.tif"), folder.join("to.tif"));
-    std::fs::write(&from, ours).unwrap();
     let kinds: [&[&str]; 10] = [
         &["-co", "COMPRESS=NONE"],
         &["-co", "COMPRESS=LZW", "-co", "PREDICTOR=3"],
@@ -127,13 +170,31 @@ fn geotiffs() -> Vec<Seed> {
         &["-co", "BIGTIFF=YES", "-co", "COMPRESS=LZW"],
         &["-ot", "Float64", "-a_srs", "+proj=eqc +lat_ts=0 +lon_0=0 +R=1737400 +units=m"],
     ];
+    as_gdal_writes("heights", ours, &kinds, |bytes| read("a.tif", bytes, &[]).is_ok())
+}
+
+/// A file of ours, and the same as GDAL writes it with each of these options where it is installed, as far as it can
+/// be read: not each compression is.
+fn as_gdal_writes(
+    what: &str,
+    ours: Vec<u8>,
+    kinds: &[&[&str]],
+    is_read: impl Fn(&[u8]) -> bool,
+) -> Vec<Seed> {
+    let mut seeds = vec![Seed::new("ours", Kind::Tiff, ours.clone())];
+    if !testkit::is_installed("fuzz of GDAL's GeoTIFF", "gdal_translate") {
+        return seeds;
+    }
+    let folder = std::env::temp_dir().join(format!("footfall-fuzz-{what}-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let (from, to) = (folder.join("from.tif"), folder.join("to.tif"));
+    std::fs::write(&from, ours).unwrap();
     for options in kinds {
         let mut translate = Command::new("gdal_translate");
-        translate.arg("-q").args(options).args([&from, &to]);
+        translate.arg("-q").args(*options).args([&from, &to]);
         if translate.output().is_ok_and(|output| output.status.success()) {
             let bytes = std::fs::read(&to).unwrap();
-            // Not each compression is one that is read.
-            if read("a.tif", &bytes, &[]).is_ok() {
+            if is_read(&bytes) {
                 seeds.push(Seed::new(&options.join(" "), Kind::Tiff, bytes));
             }
         }
