@@ -44,6 +44,7 @@ export function bind(viewer: Viewer): Unbind {
   const stops = [
     bindRover(viewer),
     bindTerrain(viewer),
+    bindDrapes(viewer),
     bindSelection(viewer),
     bindPlan(viewer),
     bindFollow(viewer),

@@ -30,8 +30,11 @@ const TEXEL_M: [f64; 2] = [0.005, 0.02];
 /// The left image of a capture.
 #[derive(Debug, Clone)]
 pub struct Shot {
+    /// Its pair.
     pub pair: String,
+    /// Its capture.
     pub capture: String,
+    /// The image, with where the rover was.
     pub image: Arc<ReceivedImage>,
 }
 

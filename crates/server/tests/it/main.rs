@@ -10,6 +10,7 @@ mod command_line;
 mod commanding;
 mod consoles;
 mod documents;
+mod drape;
 mod foxglove;
 mod images;
 mod job;

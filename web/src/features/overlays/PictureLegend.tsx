@@ -1,6 +1,6 @@
 // What the cameras saw, laid over the ground: which images, how much of it.
 
-import { cameraName } from "../../lib/cameras";
+import { cameraLabel } from "../../lib/cameras";
 import { useDrapes } from "../../store/drapes";
 import { useView } from "../../store/view";
 
@@ -31,7 +31,7 @@ export function PictureLegend() {
           <ul className="picture-views small">
             {views.map((view) => (
               <li key={view.source}>
-                <span>{cameraName(view.pair)}</span>
+                <span>{cameraLabel(view.pair)}</span>
                 <span className="num quiet" title="Share of the picture; brightness multiplied by">
                   {Math.round(100 * view.share)} % · × {view.gain.toFixed(2)}
                 </span>
