@@ -123,7 +123,12 @@ export class Ground {
   setPicture(image: DrapeImage | null): void {
     const u = this.uniforms;
     u.uPictureOn.value = image ? 1 : 0;
-    u.uPicture.value = drape(image, u.uPicture.value, u.uPictureOrigin.value, u.uPictureExtent.value);
+    u.uPicture.value = drape(
+      image,
+      u.uPicture.value,
+      u.uPictureOrigin.value,
+      u.uPictureExtent.value,
+    );
   }
 
   /** Lays an imported raster over the ground. */

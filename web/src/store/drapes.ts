@@ -49,7 +49,12 @@ const SIDE_MAX = 4096;
 
 type Fetch = (x: number, y: number, signal: AbortSignal) => Promise<ArrayBuffer>;
 
-async function assemble(of: string, shape: DrapeShape, fetch: Fetch, signal: AbortSignal): Promise<Drape> {
+async function assemble(
+  of: string,
+  shape: DrapeShape,
+  fetch: Fetch,
+  signal: AbortSignal,
+): Promise<Drape> {
   const [nx, ny] = shape.size;
   const scale = Math.min(1, SIDE_MAX / Math.max(nx, ny));
   const canvas = document.createElement("canvas");
@@ -82,7 +87,12 @@ let pictureOf = "";
 
 function updatePicture(): void {
   const { version } = useTerrain.getState();
-  if (useView.getState().overlay !== "picture" || !version || version.version === pictureOf) return;
+  if (useView.getState().overlay !== "picture") {
+    // Chosen again, it is asked for again.
+    if (useDrapes.getState().pictureState === "failed") pictureOf = "";
+    return;
+  }
+  if (!version || version.version === pictureOf) return;
   const name = version.version;
   pictureOf = name;
   pictureFlight?.abort();
@@ -97,7 +107,6 @@ function updatePicture(): void {
   };
   load().catch((error: unknown) => {
     if (mine.signal.aborted) return;
-    pictureOf = "";
     set({ pictureState: "failed", pictureFailure: sentenceOf(error) });
   });
 }

@@ -9,7 +9,9 @@ export function PictureLegend() {
   const views = [...(answer?.views ?? [])].sort((a, b) => b.share - a.share);
   return (
     <div className="stack" data-testid="picture" data-state={pictureState}>
-      {pictureState === "loading" && <p className="quiet small">Laying the images over the ground…</p>}
+      {pictureState === "loading" && (
+        <p className="quiet small">Laying the images over the ground…</p>
+      )}
       {pictureState === "failed" && (
         <>
           <p className="quiet small">{pictureFailure}</p>
@@ -25,8 +27,9 @@ export function PictureLegend() {
       {answer && pictureState === "ready" && (
         <>
           <p className="quiet small">
-            Left images of {views.length} {views.length === 1 ? "pair" : "pairs"}, each place from the nearest;{" "}
-            {Math.round(answer.shape.texel_m * 1000)} mm a texel. Nothing is painted where none shows ground.
+            Left images of {views.length} {views.length === 1 ? "pair" : "pairs"}, each place from
+            the nearest; {Math.round(answer.shape.texel_m * 1000)} mm a texel. Nothing is painted
+            where none shows ground.
           </p>
           <ul className="picture-views small">
             {views.map((view) => (
