@@ -172,7 +172,7 @@ async fn a_raster_is_laid_over_the_ground_told_and_removed() {
         7
     );
     // Another ground has none of them.
-    let import = json!({ "recipe": { "name": "smooth_mare", "width_m": 20.0, "seed": 3 } });
+    let import = json!({ "recipe": { "name": "smooth_mare", "width_m": 20.0 }, "seed": 3 });
     let report = ground.job(&ground.post("terrain/imports", &import).await).await;
     assert_eq!(report["state"], "done", "{report}");
     assert_eq!(ground.get("/api/v1/terrain/overlays").await.json()["overlays"], json!([]));

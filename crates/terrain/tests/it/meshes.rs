@@ -124,7 +124,7 @@ fn in_every_cell_a_simplified_mesh_is_within_its_bound_and_a_hole_stays_a_hole()
                         let det = e.x * f.y - e.y * f.x;
                         let s = (w.x * f.y - w.y * f.x) / det;
                         let t = (e.x * w.y - e.y * w.x) / det;
-                        if s < 0.0 || t < 0.0 || s + t > 1.0 {
+                        if s < -1e-12 || t < -1e-12 || s + t > 1.0 + 1e-12 {
                             continue;
                         }
                         let z = a.z + s * e.z + t * f.z;
