@@ -19,13 +19,13 @@ pub(super) fn gains(shown: &[Shown<'_>]) -> Vec<f64> {
     let mut matrix = DMatrix::<f64>::zeros(n, n);
     let mut right = DVector::<f64>::zeros(n);
     let (for_gray, for_gain) = (GRAY_SIGMA.powi(-2), GAIN_SIGMA.powi(-2));
-    for i in 0..n {
-        for j in 0..n {
+    for (i, one) in shown.iter().enumerate() {
+        for (j, two) in shown.iter().enumerate() {
             if i == j {
                 continue;
             }
             let (mut count, mut mine, mut other) = (0.0, 0.0, 0.0);
-            for (a, b) in shown[i].gray.iter().zip(&shown[j].gray) {
+            for (a, b) in one.gray.iter().zip(&two.gray) {
                 if !(a.is_nan() || b.is_nan()) {
                     count += 1.0;
                     mine += f64::from(*a);
