@@ -71,6 +71,7 @@ soak: tools $(VENV)/mcap-$(MCAP_PYTHON) ## Run 10^5 generated requests, and the 
 	cargo test --release --locked -p server --test it -- --nocapture consoles:: rover_process
 	FOOTFALL_FULL=1 cargo test --release --locked -p motion --test it -- final_check body_shift
 	FOOTFALL_FULL=1 cargo test --release --locked -p terrain --test it -- damaged
+	FOOTFALL_FUZZ_SECONDS=600 cargo test --release --locked -p testkit --test fuzz -- --nocapture
 	FOOTFALL_FULL=1 FOOTFALL_PYTHON=$(CURDIR)/$(VENV)/bin/python cargo test --release --locked -p bridge --test it -- \
 		--nocapture bounds catalog chain conformance crash damage disk_full kill large_log replay stock_reader
 

@@ -28,6 +28,7 @@ import { startCameras } from "./store/cameras";
 import { start, useConsole } from "./store/console";
 import { startEnergy } from "./store/energy";
 import { startMargins } from "./store/marginHistory";
+import { startDrapes } from "./store/drapes";
 import { startMapLayer } from "./store/mapLayer";
 import { startPosture } from "./store/posture";
 import { loadTerrain, useTerrain } from "./store/terrain";
@@ -58,6 +59,7 @@ export function App() {
   useEffect(startCameras, []);
   useEffect(startMapLayer, []);
   useEffect(startAuthority, []);
+  useEffect(startDrapes, []);
   useHotkeys();
   useTerrainOfVersion();
   useReachability();

@@ -43,6 +43,7 @@ use wire::reconstruction::{
 };
 
 use crate::app::AppState;
+use crate::drape::Shots;
 use crate::error::ApiError;
 use crate::jobs::JobHandle;
 use crate::stop::Stop;
@@ -99,6 +100,8 @@ struct Blended {
     next_source: u32,
     /// Names of the pairs by the numbers of their maps.
     names: BTreeMap<u32, String>,
+    /// Their left images, for textures.
+    shots: Shots,
     /// What is told of them.
     captures: Vec<VersionPair>,
     /// Fits that were found, of pairs whose fit was undone once.
@@ -261,6 +264,7 @@ impl Blended {
             has_prior: false,
             next_source: 0,
             names: BTreeMap::new(),
+            shots: Shots::default(),
             captures: Vec::new(),
             found: BTreeMap::new(),
             keep_prior: true,

@@ -34,6 +34,7 @@ use wire::scene::Scene as WireScene;
 use crate::analyses::Site;
 use crate::app::{App, AppState};
 use crate::config::Config;
+use crate::drape::Overlays;
 use crate::gate::Gate;
 use crate::imaging;
 use crate::jobs::Jobs;
@@ -195,6 +196,7 @@ impl Server {
             store,
             live,
             reconstructions: Reconstructions::new(map),
+            overlays: Overlays::default(),
             reach: LiveReach::default(),
             jobs,
             closing: closed,

@@ -6,6 +6,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use geometry::Raster;
 use nalgebra::Point2;
+use rover::Robot;
+use stereo::rig::Rig;
 use terrain::formats::mesh::{self, HeightMesh};
 use terrain::traversability::{self, Layers, Limits};
 use terrain::{ElevationMap, SourceKind, TerrainError};
@@ -16,6 +18,9 @@ use wire::time::Timestamp;
 
 pub use seen::{SEEN_LAYERS, SeenBy};
 
+use crate::drape::{PlacedShot, Texture};
+use crate::error::ApiError;
+use crate::stop::Stop;
 use crate::terrains::{SERVED_NODES_MAX, terrain_error};
 
 /// The layers that tiles are made of: the heights, and those of traversability.
@@ -39,6 +44,8 @@ pub struct Version {
     trust: Option<Raster<f32>>,
     /// Standard deviations of doubt in what cameras saw.
     doubt_sigmas: f64,
+    shots: Vec<PlacedShot>,
+    texture: Mutex<Option<Arc<Texture>>>,
 }
 
 /// The versions that are kept.
@@ -86,6 +93,7 @@ impl TerrainStore {
         let by = Some((seen::Seen::new(&seen), self.doubt_sigmas));
         let mut version = Version::new(map, now, self.footprint_m, self.limits, by);
         (version.info.pairs, version.info.changes) = (seen.captures, seen.changes);
+        version.shots = seen.shots;
         Arc::new(version)
     }
 
@@ -209,7 +217,19 @@ impl Version {
         };
         let doubt_sigmas = seen.as_ref().map_or(0.0, |(_, sigmas)| *sigmas);
         let seen = seen.map(|(seen, _)| seen);
-        Version { info, map, footprint_m, limits, layers, seen, trust, doubt_sigmas }
+        let (shots, texture) = (Vec::new(), Mutex::default());
+        Version {
+            info,
+            map,
+            footprint_m,
+            limits,
+            layers,
+            seen,
+            trust,
+            doubt_sigmas,
+            shots,
+            texture,
+        }
     }
 
     /// Traversability of the whole map for another foot or by other limits, with the same trust and doubt.
@@ -349,6 +369,22 @@ impl Version {
         }
     }
 
+    /// The texture of the images that it is made of, made now where it was not before.
+    pub fn texture(&self, robot: &Robot, rig: &Rig, stop: &Stop) -> Result<Arc<Texture>, ApiError> {
+        // Whoever asks meanwhile waits for the same one.
+        let mut kept = self.texture.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(texture) = &*kept {
+            return Ok(texture.clone());
+        }
+        let made = Texture::new(&self.map, &self.shots, robot, rig, stop)?.ok_or_else(|| {
+            let message = "no image of a camera lies over this map: make one of stereo pairs";
+            ApiError::new("texture_none", message)
+        })?;
+        let made = Arc::new(made);
+        *kept = Some(made.clone());
+        Ok(made)
+    }
+
     /// The map as a file: GeoTIFF of the heights and, where they lie on the same grid, the layers of
     /// traversability; or its surface as OBJ or PLY, whole or within `error_m` (m) of it.
     pub fn export(&self, format: ExportFormat, error_m: f64) -> Result<Vec<u8>, RequestError> {
@@ -368,6 +404,10 @@ pub enum ExportFormat {
     Obj,
     /// Binary PLY of the surface.
     Ply,
+    /// GeoTIFF of the classes of traversability, with a color for each.
+    Classes,
+    /// GeoTIFF of the texture of camera images.
+    Texture,
 }
 
 impl ExportFormat {
@@ -387,9 +427,14 @@ impl ExportFormat {
             ExportFormat::Tif => ("tif", "image/tiff"),
             ExportFormat::Obj => ("obj", "model/obj"),
             ExportFormat::Ply => ("ply", "application/octet-stream"),
+            ExportFormat::Classes => ("classes.tif", "image/tiff"),
+            ExportFormat::Texture => ("texture.tif", "image/tiff"),
         }
     }
 }
+
+/// Colors of the classes of traversability: unknown, unsafe, caution, safe.
+const CLASS_COLORS: [[u8; 3]; 4] = [[0, 0, 0], [200, 66, 52], [217, 178, 74], [79, 174, 138]];
 
 /// A map as a file, with the layers of traversability in a GeoTIFF where they lie on its grid.
 pub fn export(
@@ -399,6 +444,13 @@ pub fn export(
     error_m: f64,
 ) -> Result<Vec<u8>, RequestError> {
     let refuse = |field, error: TerrainError| terrain_error(&At::root(field), &error);
+    if format == ExportFormat::Classes {
+        let classes = layers.map(|layers| &layers.class).ok_or_else(|| {
+            RequestError::at("not_ready", &At::root("format"), "is of a map without traversability")
+        })?;
+        return terrain::formats::geotiff::write_classes(classes, "class", &CLASS_COLORS)
+            .map_err(|error| refuse("version", error));
+    }
     if format == ExportFormat::Tif {
         let layers = layers.filter(|layers| layers.class.grid() == map.grid());
         let class = layers.map(|layers| {

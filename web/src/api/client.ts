@@ -35,9 +35,12 @@ import type {
   StabilityPreference,
   StabilityRequest,
   StageRequest,
+  OverlayAnswer,
+  OverlayList,
   TerrainFiles,
   TerrainVersion,
   TerrainVersions,
+  TextureAnswer,
   Vec3,
 } from "./types";
 
@@ -136,6 +139,17 @@ export const api = {
   putTerrainFile: async (name: string, file: Blob) => {
     await send(`terrain/files/${part(name)}`, { method: "PUT", body: file });
   },
+  texture: (version: string, signal: AbortSignal) =>
+    json<TextureAnswer>("GET", `terrain/${part(version)}/texture`, undefined, signal),
+  textureTile: (version: string, x: number, y: number, signal: AbortSignal) =>
+    bytes(`terrain/${part(version)}/texture/${x}/${y}`, { signal }),
+  rasters: () => json<OverlayList>("GET", "terrain/overlays"),
+  addRaster: (file: string) => json<OverlayAnswer>("POST", "terrain/overlays", { file }),
+  removeRaster: (id: string) => json<undefined>("DELETE", `terrain/overlays/${part(id)}`),
+  rasterTile: (id: string, x: number, y: number, signal: AbortSignal) =>
+    bytes(`terrain/overlays/${part(id)}/${x}/${y}`, { signal }),
+  exportOf: (version: string, format: string, error_m: number) =>
+    `${BASE}/terrain/${part(version)}/export?format=${format}&error_m=${error_m}`,
   importTerrain: (request: ImportRequest) => json<JobReport>("POST", "terrain/imports", request),
 
   cameras: () => json<CamerasAnswer>("GET", "rover/cameras"),

@@ -5,7 +5,8 @@ import { create } from "zustand";
 import { setOperator } from "../api/client";
 import { REGION_KEYS, type RegionKey } from "../lib/regions";
 
-export type Overlay = "none" | "traversability" | "reachability" | "energy" | "map" | "coverage";
+export type Overlay =
+  "none" | "traversability" | "reachability" | "energy" | "map" | "picture" | "coverage";
 export type CameraView = "iso" | "top" | "leg";
 /** What is commanded by hand. */
 export type HandPart = "leg" | "wheels" | "body" | "sequence";

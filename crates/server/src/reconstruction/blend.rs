@@ -19,6 +19,7 @@ use wire::time::Timestamp;
 
 use super::pictures::PairPictures;
 use super::{Blended, PairImages, add_prior, pair, stereo_error};
+use crate::drape::Shot;
 use crate::error::ApiError;
 use crate::stop::Stop;
 use crate::terrains::terrain_error;
@@ -60,6 +61,12 @@ impl PairSource {
     /// When it was taken, on board.
     pub fn time(&self) -> Timestamp {
         self.images[0].head.time
+    }
+
+    /// Its left image, for textures.
+    fn left(&self) -> Shot {
+        let image = self.images[0].clone();
+        Shot { pair: self.pair.clone(), capture: self.capture.clone(), image }
     }
 
     /// As the log names it.
@@ -141,6 +148,7 @@ pub(super) fn blend(
             let number = blended.next_source;
             blended.next_source += 1;
             blended.names.insert(number, sources[i].pair.clone());
+            blended.shots.keep(number, sources[i].left());
             let Some(answer) = &mut pairs[i] else { continue };
             answer.source = Some(number);
             answer.shift_m = fitted.correction.translation_m.into();

@@ -64,6 +64,9 @@ impl Blended {
             map: self.mapper.version().clone(),
             pairs: self.names.clone(),
             captures: self.captures.clone(),
+            shots: self
+                .shots
+                .placed(self.mapper.pairs().map(|p| (p.source, p.alignment.correction))),
             changes,
         }
     }
@@ -95,6 +98,7 @@ impl Blended {
                 self.mapper.remove(source).map_err(refuse)?;
                 self.captures.remove(at);
                 self.names.remove(&source);
+                self.shots.remove(source);
                 self.found.remove(&source);
                 Ok((VersionStep::Removed, format!("without {name}")))
             }

@@ -11,6 +11,8 @@ use wire::map_version::{VersionChanges, VersionPair};
 use wire::resources::CellSeen;
 use wire::time::Timestamp;
 
+use crate::drape::PlacedShot;
+
 /// Layers of a map that cameras made, beside those of every map. `sigma` (m) and `count` tell how well the
 /// height is known, `age` how long before the newest capture it was seen (s; the tile's time is that of
 /// the newest), `source` who saw it (see `sources` of the version), `mask` what stands in the way.
@@ -43,6 +45,8 @@ pub struct SeenBy {
     pub pairs: BTreeMap<u32, String>,
     /// The captures in it.
     pub captures: Vec<VersionPair>,
+    /// The images it is made of.
+    pub shots: Vec<PlacedShot>,
     /// What came of it.
     pub changes: Option<VersionChanges>,
 }

@@ -11,6 +11,7 @@ mod commanding;
 mod consoles;
 mod contact;
 mod documents;
+mod drape;
 mod foxglove;
 mod images;
 mod job;
