@@ -97,6 +97,8 @@ export type EstopAnswer = Wire<"EstopAnswer">;
 
 export type LinkConfig = Wire<"LinkConfig">;
 export type LinkCounters = Wire<"LinkCounters">;
+export type DirectionModel = Wire<"DirectionModel">;
+export type Outage = Wire<"Outage">;
 export type CarrierReport = Wire<"CarrierReport">;
 export type LinkReport = Wire<"LinkReport">;
 
