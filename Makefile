@@ -65,17 +65,8 @@ bench: tools ## Run all benchmarks and print one table (FOOTFALL_BENCH_GB: size 
 	@node .ci/bench-table.mjs
 
 # At most half an hour on two cores. Times printed are worth something where nothing else runs.
-soak: tools $(VENV)/mcap-$(MCAP_PYTHON) ## Run 10^5 generated requests, and the long forms of tests by brute force
-	FOOTFALL_SOAK=$${FOOTFALL_SOAK:-100000} cargo test --release --locked -p motion -p server --test it soak
-	FOOTFALL_FULL=1 cargo test --release --locked -p collision --test it
-	FOOTFALL_FULL=1 cargo test --release --locked -p bridge --test it -- --nocapture \
-		link:: histories:: authority:: carrier:: partition:: preconditions::
-	FOOTFALL_FULL=1 cargo test --release --locked -p server --test it -- --nocapture --test-threads 1 \
-		consoles:: rover_process
-	FOOTFALL_FULL=1 cargo test --release --locked -p motion --test it -- final_check body_shift
-	FOOTFALL_FULL=1 cargo test --release --locked -p terrain --test it -- damaged
-	FOOTFALL_FULL=1 FOOTFALL_PYTHON=$(CURDIR)/$(VENV)/bin/python cargo test --release --locked -p bridge --test it -- \
-		--nocapture bounds catalog chain conformance crash damage disk_full kill large_log replay stock_reader
+soak: tools web/node_modules/.package-lock.json $(VENV)/mcap-$(MCAP_PYTHON) ## Run 10^5 generated requests, and the long forms of tests by brute force
+	@FOOTFALL_PYTHON=$(CURDIR)/$(VENV)/bin/python node .ci/soak.mjs
 
 format: tools web/node_modules/.package-lock.json ## Format all sources
 	cargo fmt --all
