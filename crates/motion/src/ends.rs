@@ -23,6 +23,8 @@ const ROOM: f64 = 0.05;
 /// directions at each.
 const RINGS: [f64; 6] = [0.05, 0.1, 0.2, 0.35, 0.6, 1.0];
 const DIRECTIONS: usize = 8;
+/// Halvings of the way between two rings.
+const HALVINGS: usize = 3;
 
 /// The part of the way that all goals share.
 pub(crate) struct Departure {
@@ -255,6 +257,12 @@ impl Planning<'_> {
         let wheel = posture.wheel(self.scene.robot(), self.leg()).center();
         let home = wheel.xy() - ground.xy();
         let heading = home.y.atan2(home.x);
+        let mut works = |p: Point2<f64>| {
+            let ways = self.touchdowns_at(posture, p).ok()?;
+            let mut ways = ways.into_iter().take(2);
+            ways.any(|way| self.arrival(posture, &Goal::Touchdown(way), space).is_ok()).then_some(p)
+        };
+        let mut within: f64 = 0.0;
         for ring in RINGS {
             for k in 0..DIRECTIONS {
                 if watch.stopped().is_some() {
@@ -263,17 +271,21 @@ impl Planning<'_> {
                 let side = if k % 2 == 0 { 1.0 } else { -1.0 };
                 let turn = k.div_ceil(2) as f64 * side / DIRECTIONS as f64;
                 let angle = heading + std::f64::consts::TAU * turn;
+                let toward = nalgebra::Vector2::new(angle.cos(), angle.sin());
                 let reach = (ring * scale).min(if k == 0 { home.norm() } else { f64::INFINITY });
-                let p = ground.xy() + nalgebra::Vector2::new(angle.cos(), angle.sin()) * reach;
-                let Ok(ways) = self.touchdowns_at(posture, p) else { continue };
-                let works = ways
-                    .into_iter()
-                    .take(2)
-                    .any(|way| self.arrival(posture, &Goal::Touchdown(way), space).is_ok());
-                if works {
-                    return self.scene.map().height_at(p).map(|z| Point3::new(p.x, p.y, z));
+                let Some(mut best) = works(ground.xy() + toward * reach) else { continue };
+                // Rings are far apart: nearer in this direction, by halves of what is between.
+                let (mut near, mut far) = (within.min(reach), reach);
+                for _ in 0..HALVINGS {
+                    let middle = 0.5 * (near + far);
+                    match works(ground.xy() + toward * middle) {
+                        Some(nearer) => (best, far) = (nearer, middle),
+                        None => near = middle,
+                    }
                 }
+                return self.scene.map().height_at(best).map(|z| Point3::new(best.x, best.y, z));
             }
+            within = ring * scale;
         }
         None
     }
