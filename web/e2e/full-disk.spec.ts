@@ -35,7 +35,6 @@ test("a full disk is told with what it costs, and all goes on once there is room
   const before = (await ops.wheel("leg4"))!;
   await ops.page.keyboard.press("4");
   await ops.at("tab-hand").click();
-  await ops.at("line-up").fill("0.10");
 
   const filler = new Filler(server.pid, server.logs);
   filler.fill();
@@ -47,7 +46,6 @@ test("a full disk is told with what it costs, and all goes on once there is room
   await expect(ops.at("hand-line")).toBeDisabled();
   await expect(ops.at("hand-line")).toHaveAttribute("title", /flight log/);
   const [status, refusal] = await server.ask("POST", "commands", {
-    operator: "ada",
     body: { type: "hold" },
   });
   expect(status).toBe(503);
@@ -73,6 +71,7 @@ test("a full disk is told with what it costs, and all goes on once there is room
   await ops.page.keyboard.press("Escape");
 
   await ops.at("tab-hand").click();
+  await ops.at("line-up").fill("0.10");
   await ops.at("hand-line").click();
   await ops.at("hand-arm").click();
   await ops.at("send-hand").click();
