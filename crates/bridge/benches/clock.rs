@@ -100,7 +100,7 @@ fn delay_error(c: &mut Criterion) {
         Ground::new(start, rover, link, recorder, bus.clone(), Box::new(|_| None)).unwrap();
     let ground = Arc::new(Mutex::new(ground));
     let driver = runtime.spawn(ground::run(ground.clone(), clock.clone()));
-    let mut run = || {
+    let run = || {
         runtime.block_on(async {
             let mut listener = bus.subscribe().1;
             let mut errors = Vec::new();
