@@ -21,8 +21,8 @@ use serde::Serialize;
 use tokio::sync::{Notify, oneshot};
 use wire::live::{
     AckStage, CarrierState, CommandEvent, CommandRecord, CommandState, Downlink, EventLevel,
-    EventNotice, FlightLogReport, ImageDown, LinkClass, LinkConfig, LinkReport, RoverTelemetry, StabilityDerived,
-    Uplink, channel,
+    EventNotice, FlightLogReport, ImageDown, LinkClass, LinkConfig, LinkReport, RoverTelemetry,
+    StabilityDerived, Uplink, channel,
 };
 use wire::resources::LatestFrame;
 use wire::time::Timestamp;

@@ -163,7 +163,11 @@ fn what_is_given_up_depends_on_the_room_that_is_left() {
     assert_eq!(step(1001), (0, false, 0));
     assert_eq!(step(999), (0, false, 1), "it is told");
     assert_eq!(step(499), (1, false, 2), "bulk is shed: the level, and the drop");
-    assert_eq!(step(99), (2, true, 2), "and telemetry: the level, its first drop; bulk was told just now");
+    assert_eq!(
+        step(99),
+        (2, true, 2),
+        "and telemetry: the level, its first drop; bulk was told just now"
+    );
     assert_eq!(step(5000), (0, false, 2), "the level, and what was not told yet");
 }
 
