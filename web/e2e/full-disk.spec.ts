@@ -14,7 +14,7 @@ const test = base.extend<{ server: GroundServer }>({
   // Playwright reads the names of the parameters, so that there must be a pattern.
   // eslint-disable-next-line no-empty-pattern
   server: async ({}, use) => {
-    const server = new GroundServer([], (logs) => onSmallDisk(way!, logs));
+    const server = new GroundServer([], null, (logs) => onSmallDisk(way!, logs));
     await server.start();
     await use(server);
     await server.dispose();

@@ -1,6 +1,7 @@
 import { ChevronLeft, ChevronRight } from "lucide-react";
 import { useEffect } from "react";
 
+import { Attention } from "./features/attention/Attention";
 import { Banner } from "./features/banner/Banner";
 import { CellReadout } from "./features/cell/CellReadout";
 import { EstopBanner } from "./features/estop/Estop";
@@ -22,6 +23,7 @@ import { SceneView } from "./features/scene/SceneView";
 import { StabilityPanel } from "./features/stability/StabilityPanel";
 import { StepStrip } from "./features/step-strip/StepStrip";
 import { TelemetryPanel } from "./features/telemetry/TelemetryPanel";
+import { startAuthority } from "./store/authority";
 import { startCameras } from "./store/cameras";
 import { start, useConsole } from "./store/console";
 import { startEnergy } from "./store/energy";
@@ -55,6 +57,7 @@ export function App() {
   useEffect(startPosture, []);
   useEffect(startCameras, []);
   useEffect(startMapLayer, []);
+  useEffect(startAuthority, []);
   useHotkeys();
   useTerrainOfVersion();
   useReachability();
@@ -160,6 +163,7 @@ function RightPanel() {
               </button>
             ))}
           </div>
+          <Attention />
           <div
             className="right-body"
             id="right-body"

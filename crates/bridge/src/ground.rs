@@ -39,6 +39,8 @@ use crate::views::Views;
 
 pub use carrier::Queues;
 pub use imaging::CameraRecords;
+pub use observe::Shown;
+pub use operate::Rehearsed;
 pub use run::{STEP_S, run};
 
 /// Most commands under way at once.
@@ -314,6 +316,8 @@ impl Ground {
             },
             up: self.up.counters(),
             down: self.down.counters(),
+            up_queues: self.up.queues(),
+            down_queues: self.down.queues(),
             estop: self.estop.state(),
             authority: self.authority.report(self.now),
             carrier: self.adapter.carrier(),

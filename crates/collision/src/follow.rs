@@ -10,9 +10,9 @@ use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Point3};
 use rover::{Frame, LegFrames};
 
-use crate::checker::{Against, Allowance, Item, LegChecker, Moment, Scratch, Touch};
+use crate::checker::{Against, Allowance, ContactZone, Item, LegChecker, Moment, Scratch, Touch};
 use crate::form::{Placed, apart_by};
-use crate::ground::clear_of_ground;
+use crate::ground::{clear_of_ground, is_known_below};
 use crate::look::Look;
 use crate::solid::Part;
 
@@ -41,6 +41,8 @@ pub struct Follower<'c> {
     batches: Vec<Batch>,
     /// Places whose relative motion counts: the outer one as seen from the inner one.
     pairs: Vec<(usize, usize)>,
+    /// The wheel in its zone is known to sit on the ground.
+    is_seated: bool,
     scale: f64,
 }
 
@@ -102,12 +104,21 @@ impl<'c> Follower<'c> {
         }
         let scratch = Scratch::new(checker);
         let scale = checker.scene.robot().scale();
-        Follower { checker, scratch, batches, pairs, scale }
+        Follower { checker, scratch, batches, pairs, is_seated: false, scale }
     }
 
     /// Forgets what it has seen.
     pub fn begin(&mut self) {
         self.batches.iter_mut().for_each(|batch| batch.seen.clear());
+    }
+
+    /// As [`touch`](Self::touch) for a wheel that sits on the ground: shifted along z until it just touches, and so
+    /// clear of it all over where it is raised by what it may be in the ground.
+    pub fn touch_seated(&mut self, frames: &LegFrames, zone: &ContactZone) -> Option<Touch> {
+        self.is_seated = zone.ground_tolerance > 0.0;
+        let touch = self.touch(frames, Allowance { zone: Some(zone), buffered: false });
+        self.is_seated = false;
+        touch
     }
 
     /// Something nearer than it may be; `None` if all is free.
@@ -223,6 +234,12 @@ impl<'c> Follower<'c> {
             let room = self.room(&item);
             if room > LEAST_ROOM * self.scale {
                 return Ok(Some(room));
+            }
+        } else if stands && self.is_seated {
+            self.scratch.place(checker, &moment, usize::from(item.moving));
+            let placed = &self.scratch.parts[usize::from(item.moving)].placed;
+            if is_known_below(checker.scene, part, placed) {
+                return Ok(None);
             }
         }
         match checker.look(&moment, &item, &mut self.scratch) {

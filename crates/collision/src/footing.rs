@@ -7,12 +7,14 @@
 use std::f64::consts::PI;
 
 use arrayvec::ArrayVec;
-use nalgebra::{Matrix3, Point2, Point3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Point2, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 use rover::{Frame, Leg, LegAngles, LegId, LinkId, MAX_SOLUTIONS, NoSolution, Posture, WheelPose};
 
 use crate::scene::Scene;
 use crate::touchdown::{FootfallPlace, Touchdown, footfall_place};
-use crate::wheel::{contact_center, wheel_ground, wheel_ground_near};
+use crate::wheel::{
+    contact_center, contact_center_on, patch_normal, wheel_ground, wheel_ground_near,
+};
 
 /// Yaws tried about the ground's normal (rad), from the one that keeps the knee roll small.
 const YAWS: [f64; 7] = [0.0, 0.524, -0.524, 1.047, -1.047, 1.571, -1.571];
@@ -46,6 +48,8 @@ pub struct Footings<'a> {
     /// Sine and cosine of the yaws and of the fork's pitches that are tried.
     yaws: ArrayVec<(f64, f64), { YAWS.len() }>,
     fork_pitches: ArrayVec<(f64, f64), { FORK_PITCHES.len() }>,
+    /// By orientation, [where the wrist is](Self::wrist).
+    wrists: ArrayVec<Vector3<f64>, { YAWS.len() * FORK_PITCHES.len() }>,
 }
 
 /// Where a wheel sits on the ground.
@@ -85,7 +89,32 @@ impl<'a> Footings<'a> {
         let (yaws, fork_pitches) =
             (table(yaws), fork_pitches.iter().map(|a| a.sin_cos()).collect());
         let base_from_world = Frame::from(&posture.link(LinkId(0)).inverse());
-        Footings { scene, posture, leg, model, base_from_world, heading, yaws, fork_pitches }
+        let mut footings = Footings {
+            scene,
+            posture,
+            leg,
+            model,
+            base_from_world,
+            heading,
+            yaws,
+            fork_pitches,
+            wrists: ArrayVec::new(),
+        };
+        footings.wrists = (0..footings.n_orientations()).map(|o| footings.wrist(o)).collect();
+        footings
+    }
+
+    /// The wrist from the wheel's center in an orientation, along the axle at yaw zero, across and along
+    /// the normal (m): that of the point that [`Footing::frame`] has there.
+    fn wrist(&self, orientation: usize) -> Vector3<f64> {
+        let Some(ik) = self.model.ik.closed_form() else { return Vector3::zeros() };
+        let n_pitches = self.fork_pitches.len();
+        let ((sin, cos), (sin_pitch, cos_pitch)) =
+            (self.yaws[orientation / n_pitches], self.fork_pitches[orientation % n_pitches]);
+        let wrist = ik.wheel_from_wrist();
+        let aside = wrist.z * cos_pitch - wrist.x * sin_pitch;
+        let down = cos_pitch * wrist.x + sin_pitch * wrist.z;
+        Vector3::new(cos * wrist.y + sin * aside, sin * wrist.y - cos * aside, -down)
     }
 
     /// Number of orientations that are tried in a place.
@@ -118,7 +147,10 @@ impl<'a> Footings<'a> {
         let center = place.ground.coords + normal * self.model.wheel.radius;
         let turned = [axle, across, normal].map(|v| base.rotation * v);
         let in_base = [turned[0], turned[1], turned[2], base.rotation * center + base.origin];
-        Some(Footing { of: self, place, axle, across, in_base, seats, nearest: None })
+        // On level ground the patch below the wheel's center is that of the place itself.
+        let below = place.ground.coords + normal * self.model.wheel.radius;
+        let patch = (below.xy() == p.coords).then_some(Some(place.normal));
+        Some(Footing { of: self, place, axle, across, in_base, seats, patch, nearest: None })
     }
 }
 
@@ -134,6 +166,9 @@ pub struct Footing<'a> {
     in_base: [Vector3<f64>; 4],
     /// By yaw, those that have been asked for.
     seats: ArrayVec<(usize, Result<Seat, NoSeat>), { YAWS.len() }>,
+    /// The normal of the patch below the wheel's center, which is the same for all yaws, once it has been
+    /// asked for.
+    patch: Option<Option<Unit<Vector3<f64>>>>,
     /// The point of ground that a wheel seated here, or next to here, was nearest to: a good place to
     /// look at first.
     pub nearest: Option<Point2<f64>>,
@@ -159,16 +194,9 @@ impl Footing<'_> {
     /// it is not known to be.
     pub fn missed(&self, orientation: usize) -> f64 {
         let Some(ik) = self.of.model.ik.closed_form() else { return 0.0 };
-        let n_pitches = self.of.fork_pitches.len();
-        let ((sin, cos), (sin_pitch, cos_pitch)) =
-            (self.of.yaws[orientation / n_pitches], self.of.fork_pitches[orientation % n_pitches]);
-        // The point that `frame` has there, by axle, across and normal in the base's frame.
-        let wrist = ik.wheel_from_wrist();
-        let aside = wrist.z * cos_pitch - wrist.x * sin_pitch;
         let [axle, across, normal, center] = &self.in_base;
-        let from_center = axle * (cos * wrist.y + sin * aside)
-            + across * (sin * wrist.y - cos * aside)
-            - normal * (cos_pitch * wrist.x + sin_pitch * wrist.z);
+        let wrist = &self.of.wrists[orientation];
+        let from_center = axle * wrist.x + across * wrist.y + normal * wrist.z;
         ik.missed(&Point3::from(center + from_center))
     }
 
@@ -194,7 +222,8 @@ impl Footing<'_> {
         }
         let lift = Translation3::new(0.0, 0.0, -gap.gap);
         let seated = WheelPose { world_from_wheel: lift * wheel.world_from_wheel, ..*wheel };
-        Ok(Seat { shift: -gap.gap, contact: contact_center(&seated, map, &gap) })
+        let patch = *self.patch.get_or_insert_with(|| patch_normal(&seated, map));
+        Ok(Seat { shift: -gap.gap, contact: contact_center_on(&seated, map, &gap, patch) })
     }
 
     fn wheel(&self, frame: &Frame) -> WheelPose {

@@ -191,6 +191,12 @@ fn nearer_than(limit: f64) -> f64 {
     (limit - EQUALLY_NEAR).max(0.5 * limit)
 }
 
+/// Is all ground below a part known?
+pub(crate) fn is_known_below(scene: &Scene, part: &Part, placed: &Placed) -> bool {
+    let (min, max) = grown(&placed.aabb(&part.form), 0.0);
+    !beside_map(scene, min, max) && !over_a_hole(scene, min, max)
+}
+
 /// The highest ground over a rectangle (m), if all of it is known.
 pub(crate) fn highest_known(scene: &Scene, min: Point2<f64>, max: Point2<f64>) -> Option<f64> {
     let known = !beside_map(scene, min, max) && !over_a_hole(scene, min, max);

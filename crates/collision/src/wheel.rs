@@ -104,11 +104,23 @@ pub(crate) fn wheel_ground_near(
 /// A wheel with a level axle touches level ground along a line; without this, rounding (or a
 /// hundredth of a millimeter of roughness) would pick one of its ends.
 pub fn contact_center(wheel: &WheelPose, map: &ElevationMap, gap: &WheelGap) -> Point3<f64> {
+    contact_center_on(wheel, map, gap, patch_normal(wheel, map))
+}
+
+/// The normal of the patch of ground below a wheel's center, where enough of it is known.
+pub(crate) fn patch_normal(wheel: &WheelPose, map: &ElevationMap) -> Option<Unit<Vector3<f64>>> {
     let plane = map.footprint_plane(wheel.center().xy(), PATCH_WIDTHS * wheel.width);
-    let normal = plane
-        .map(|plane| plane.normal)
-        .or_else(|| map.normal_at(gap.ground.xy()))
-        .unwrap_or(Vector3::z_axis());
+    plane.map(|plane| plane.normal)
+}
+
+/// As [`contact_center`] on a patch of which the normal is given.
+pub(crate) fn contact_center_on(
+    wheel: &WheelPose,
+    map: &ElevationMap,
+    gap: &WheelGap,
+    patch: Option<Unit<Vector3<f64>>>,
+) -> Point3<f64> {
+    let normal = patch.or_else(|| map.normal_at(gap.ground.xy())).unwrap_or(Vector3::z_axis());
     if wheel.ball {
         return gap.ground; // a ball touches in a point
     }
@@ -337,6 +349,14 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
             let (bound, ix, iy) = open.swap_remove(next);
             if self.best.is_some_and(|best| bound >= best.gap) {
                 break;
+            }
+            if let Some(best) = self.best {
+                // Squares about the nearest point so far: most share that point, and have none nearer.
+                let (corner, heights) = (grid.position(ix, iy), self.corners(ix, iy));
+                let bound = under.over_square_from(best.ground.xy(), corner, heights);
+                if bound >= best.gap - SETTLED {
+                    continue;
+                }
             }
             self.try_square(&under, ix, iy);
             if let Some(best) = self.best {

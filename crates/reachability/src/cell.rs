@@ -238,9 +238,13 @@ impl Search<'_, '_> {
             return None;
         }
         let zone = self.look.zone(&way);
-        let allowance = Allowance { zone: Some(&zone), buffered: false };
         let [down, lifted] = &mut *self.follows;
-        if down.touch(&frames, allowance).is_some() {
+        let touch = if self.look.robot.leg(self.look.leg).ik.fixes_orientation() {
+            down.touch_seated(&frames, &zone)
+        } else {
+            down.touch(&frames, Allowance { zone: Some(&zone), buffered: false })
+        };
+        if touch.is_some() {
             return None;
         }
         let frames = self.quick.chain().frames(&way.raised?);
@@ -505,11 +509,12 @@ impl Look<'_> {
     /// What is in a way's way where it stands.
     pub fn collision(&self, checker: &LegChecker, way: &Way) -> Option<Violation> {
         let zone = self.zone(way);
-        checker.violation_at(&way.angles, Allowance { zone: Some(&zone), buffered: false })
+        let allowance = Allowance { zone: Some(&zone), buffered: false };
+        checker.measured_violation_at(&way.angles, allowance)
     }
 
     /// What is in its way at the waypoint above.
     pub fn lift_collision(&self, checker: &LegChecker, way: &Way) -> Option<Violation> {
-        checker.violation_at(&way.raised?, Allowance::default())
+        checker.measured_violation_at(&way.raised?, Allowance::default())
     }
 }

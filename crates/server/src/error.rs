@@ -109,6 +109,7 @@ pub const CODES: &[(&str, u16, &str)] = &[
     ("plan_under_way", 409, "a command of the same plan is on its way or under way"),
     ("authority_held", 409, "another operator has the authority to command"),
     ("authority_needed", 409, "the authority to command must be acquired first"),
+    ("authority_has_it", 409, "the operator named has the authority to command already"),
     ("authority_passed_on", 409, "the authority to command has passed on since"),
     ("approval_needed", 409, "a command that a second person must approve first"),
     ("approval_not_needed", 409, "a command that takes no approval"),

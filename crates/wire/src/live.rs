@@ -418,6 +418,12 @@ pub struct LinkReport {
     pub up: LinkCounters,
     /// Telemetry.
     pub down: LinkCounters,
+    /// Queues of commands in which something waits, highest class first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub up_queues: Vec<QueueFill>,
+    /// ... of telemetry.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub down_queues: Vec<QueueFill>,
     /// Is an E-stop in force as far as the ground knows?
     pub estop: EstopState,
     /// Who may command.

@@ -275,6 +275,14 @@ pub struct AuthorityRequest {
     pub take_over: bool,
 }
 
+/// `POST /authority/hand-over`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HandOverRequest {
+    /// The operator who is to have it, by the name that goes with their requests.
+    pub to: String,
+}
+
 /// `GET /link/presets`: a link to begin with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct LinkPreset {

@@ -1,10 +1,11 @@
 // The ground server that a test starts for itself: the demo mission with the simulated rover.
 
 import type { ChildProcess } from "node:child_process";
-import { mkdtempSync, rmSync } from "node:fs";
+import { mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 
+import { PROJECT } from "./files";
 import { begin, kill, said } from "./program";
 
 export class GroundServer {
@@ -14,9 +15,13 @@ export class GroundServer {
   url = "";
   private child: ChildProcess | null = null;
 
-  /** With these more arguments; `by` gives the program that starts it, from the folder of its logs. */
+  /**
+   * With these more arguments; with a configuration instead of that of the demo; `by` gives the program that
+   * starts it, from the folder of its logs.
+   */
   constructor(
     private readonly more: readonly string[] = [],
+    private readonly config: string | null = null,
     private readonly by: (logs: string) => readonly string[] = () => [],
   ) {}
 
@@ -28,9 +33,16 @@ export class GroundServer {
   async start(): Promise<void> {
     const port = this.url === "" ? "0" : new URL(this.url).port;
     const folders = ["--logs", this.logs, "--terrains", this.terrains];
-    const args = ["serve", "--demo", "--port", port, ...folders, ...this.more];
+    const mission = this.config === null ? ["--demo"] : ["--config", this.written(this.config)];
+    const args = ["serve", ...mission, "--port", port, ...folders, ...this.more];
     this.child = begin(args, this.by(this.logs));
     this.url = await said(this.child, /http:\/\/127\.0\.0\.1:\d+/);
+  }
+
+  private written(config: string): string {
+    const path = join(this.folder, "mission.toml");
+    writeFileSync(path, config);
+    return path;
   }
 
   async stop(): Promise<void> {
@@ -65,4 +77,14 @@ export class GroundServer {
     const [status, said] = await this.ask("PUT", "link", link);
     if (status !== 200) throw new Error(`PUT /link answered ${status}: ${JSON.stringify(said)}`);
   }
+}
+
+/** The demo's configuration with other values (as TOML writes them) of keys that occur once in it. */
+export function configWith(values: Record<string, string>): string {
+  const demo = readFileSync(join(PROJECT, "config/demo.toml"), "utf8");
+  return Object.entries(values).reduce((text, [key, value]) => {
+    const line = new RegExp(`^${key} = .*$`, "m");
+    if (!line.test(text)) throw new Error(`config/demo.toml has no ${key}`);
+    return text.replace(line, `${key} = ${value}`);
+  }, demo);
 }

@@ -1,17 +1,20 @@
 // One function per route of the server. Errors are `ApiError` with the server's code and sentence.
 
 import type {
+  AuthorityReport,
   CamerasAnswer,
   CellAnswer,
   CellExplanation,
   CommandList,
   CommandRecord,
   CoverageAnswer,
+  DryRun,
   ErrorInfo,
   EstopAnswer,
   ImportRequest,
   JobReport,
-  LinkConfig,
+  LinkChange,
+  LinkPreset,
   LinkReport,
   LogList,
   PlanAnalysis,
@@ -205,11 +208,25 @@ export const api = {
   sendCommand: (id: string) => json<CommandRecord>("POST", `commands/${part(id)}/send`, {}),
   cancelCommand: (id: string) => json<CommandRecord>("POST", `commands/${part(id)}/cancel`, {}),
 
+  approveCommand: (id: string, content_hash: string) =>
+    json<CommandRecord>("POST", `commands/${part(id)}/approve`, { content_hash }),
+  resolveCommand: (id: string, done: boolean, why: string) =>
+    json<CommandRecord>("POST", `commands/${part(id)}/resolve`, { done, why }),
+  checkCommand: (request: StageRequest) => json<DryRun>("POST", "commands/checks", request),
+
+  acquireAuthority: (take_over: boolean) =>
+    json<AuthorityReport>("POST", "authority/acquire", { take_over }),
+  renewAuthority: () => json<AuthorityReport>("POST", "authority/renew"),
+  requestAuthority: () => json<AuthorityReport>("POST", "authority/request"),
+  handOverAuthority: (to: string) => json<AuthorityReport>("POST", "authority/hand-over", { to }),
+  releaseAuthority: () => json<AuthorityReport>("POST", "authority/release"),
+
   estop: () => json<EstopAnswer>("POST", "estop", {}),
   releaseEstop: (token?: string) =>
     json<EstopAnswer>("POST", "estop/release", token === undefined ? {} : { token }),
 
-  putLink: (config: LinkConfig) => json<LinkReport>("PUT", "link", config),
+  linkPresets: () => json<LinkPreset[]>("GET", "link/presets"),
+  putLink: (config: LinkChange) => json<LinkReport>("PUT", "link", config),
 
   logs: () => json<LogList>("GET", "logs"),
   /** A long log takes its time: it is opened by a job. */

@@ -95,9 +95,22 @@ export type PlanCommandRef = Wire<"PlanCommandRef">;
 export type StageRequest = Wire<"StageRequest">;
 export type EstopAnswer = Wire<"EstopAnswer">;
 
+export type AuthorityReport = Wire<"AuthorityReport">;
+export type Precondition = Wire<"Precondition">;
+export type DryRun = Wire<"DryRun">;
+
+export type LinkPreset = Wire<"LinkPreset">;
+export type QueueFill = Wire<"QueueFill">;
 export type LinkConfig = Wire<"LinkConfig">;
+export type DirectionModel = NonNullable<LinkConfig["up"]>;
+/** A link that is to be set: what a direction leaves out is as usual, a direction left out stays as it is. */
+export interface LinkChange {
+  up_delay_s: number;
+  down_delay_s: number;
+  up?: Partial<DirectionModel> | null;
+  down?: Partial<DirectionModel> | null;
+}
 export type LinkCounters = Wire<"LinkCounters">;
-export type DirectionModel = Wire<"DirectionModel">;
 export type Outage = Wire<"Outage">;
 export type CarrierReport = Wire<"CarrierReport">;
 export type LinkReport = Wire<"LinkReport">;

@@ -122,11 +122,21 @@ impl Underside {
         {
             return f64::INFINITY;
         }
-        let plane = self.plane(level, aside);
-        let at = plane.at(&start);
-        let (x, y) = (plane.slope.x * side, plane.slope.y * side);
-        let [z00, z10, z01, z11] = heights;
-        (at - z00).min(at + x - z10).min(at + y - z01).min(at + x + y - z11)
+        self.plane(level, aside).above(&start, side, heights)
+    }
+
+    /// As [`over_square`](Self::over_square), by the plane that touches the wheel above `touch`: about a
+    /// place where the ground is nearest, this one is as close as can be.
+    pub fn over_square_from(
+        &self,
+        touch: Point2<f64>,
+        corner: Point2<f64>,
+        heights: [f64; 4],
+    ) -> f64 {
+        let Some(level) = &self.level else { return f64::NEG_INFINITY };
+        let aside = level.aside.dot(&(touch - self.center.xy()));
+        let start = corner - self.center.xy();
+        self.plane(level, aside).above(&start, 2.0 * self.half_side, heights)
     }
 
     /// The part of an edge of the grid that may lie below the wheel; none if none does.
@@ -200,5 +210,12 @@ struct Tangent {
 impl Tangent {
     fn at(&self, from_center: &Vector2<f64>) -> f64 {
         self.height + self.slope.dot(from_center)
+    }
+
+    /// Its least height above the corners of a square that begins at `start`.
+    fn above(&self, start: &Vector2<f64>, side: f64, [z00, z10, z01, z11]: [f64; 4]) -> f64 {
+        let at = self.at(start);
+        let (x, y) = (self.slope.x * side, self.slope.y * side);
+        (at - z00).min(at + x - z10).min(at + y - z01).min(at + x + y - z11)
     }
 }

@@ -157,3 +157,36 @@ fn a_wheel_sits_the_same_wherever_the_ground_is_looked_at_first() {
     }
     assert!(n_seats > 150, "{n_seats}");
 }
+
+#[test]
+fn a_wheel_that_sits_on_the_ground_is_answered_as_by_a_look() {
+    let mut rng = ChaCha8Rng::seed_from_u64(24);
+    let (mut free, mut touching) = (0, 0);
+    for world in worlds(&mut rng) {
+        let robot = world.scene.robot();
+        let leg = LegId(0);
+        let posture = Posture::new(robot, &standing(robot));
+        let checker = LegChecker::new(&world.scene, &posture, leg, None, None);
+        let mut follower = Follower::new(&checker);
+        let footings = Footings::new(&world.scene, &posture, leg, WheelHeading::Free);
+        for i in 0..cases(150, 3000) {
+            if i % 10 == 0 {
+                follower.begin();
+            }
+            let p = Point2::new(rng.random_range(1.6..3.2), rng.random_range(-1.2..1.2));
+            let orientation = rng.random_range(0..footings.n_orientations());
+            let Some(mut footing) = footings.at(p) else { continue };
+            let Ok(seat) = footing.seat(orientation) else { continue };
+            let center = footing.seated_frame(orientation, &seat, 0.0).origin;
+            let zone = zone(robot, center.into());
+            let allowance = Allowance { zone: Some(&zone), buffered: false };
+            for q in footing.angles(orientation, &seat, 0.0).unwrap_or_default() {
+                let expected = checker.violation_at(&q, allowance).is_some();
+                let found = follower.touch_seated(&checker.chain().frames(&q), &zone).is_some();
+                assert_eq!(found, expected, "{p} {q:?} {:?}", checker.violation_at(&q, allowance));
+                *(if expected { &mut touching } else { &mut free }) += 1;
+            }
+        }
+    }
+    assert!(free > 50 && touching > 50, "{free} {touching}");
+}

@@ -7,8 +7,8 @@ use collision::{
     Allowance, ContactZone, LegChecker, NoTouchdown, Scene, Touch, Touchdown, survey, touchdowns,
 };
 use nalgebra::{Point2, Point3, Translation3};
-use reachability::{CellClass, ReachOptions, Reason, WheelHeading, explain, reach};
-use rover::{Configuration, LegAngles, LegId, Posture};
+use reachability::{CellClass, Obstruction, ReachOptions, Reason, WheelHeading, explain, reach};
+use rover::{Configuration, LegAngles, LegId, LinkId, Posture};
 use stability::rule::{self, Check, Preference};
 
 use crate::scenes::{athlete, boulders, seated};
@@ -173,6 +173,50 @@ fn cells_are_what_brute_force_finds_and_each_reachable_one_has_a_way_that_holds(
     for reason in [Reason::Margin, Reason::SelfCollision, Reason::LiftCollides] {
         assert!(seen.contains(&(reason as u8)), "{reason:?} never came up");
     }
+}
+
+#[test]
+fn what_is_missing_at_the_waypoint_is_what_exact_shapes_say() {
+    let mut off = Vec::new();
+    for seed in [3, 7, 8] {
+        let scene = Scene::new(athlete(), boulders(seed), &[]).unwrap();
+        let start = seated(&scene);
+        let options = ReachOptions { resolution: 0.1, workers: 2, ..Default::default() };
+        let leg = LegId(1);
+        let posture = Posture::new(scene.robot(), &start);
+        let grid = reach(&scene, &start, 1.62, leg, &options, &|| false).unwrap();
+        for iy in 0..grid.grid().ny {
+            for ix in 0..grid.grid().nx {
+                if *grid.reason.at(ix, iy) != Reason::LiftCollides as u8 {
+                    continue;
+                }
+                let p = grid.grid().position(ix, iy);
+                let explained = explain(&scene, &start, 1.62, leg, p, &options).unwrap();
+                let Some(Obstruction::Bodies { link, other, .. }) = explained.obstruction else {
+                    panic!("{p}: {:?}", explained.obstruction);
+                };
+                // By parry's shapes, over all parts of both.
+                let raised = posture.with_leg(scene.robot(), leg, &explained.raised.unwrap());
+                let seen = survey(&scene, &raised);
+                let name = |link: LinkId| scene.robot().links()[link.0].name.as_str();
+                let is_it = |touch: Touch| match touch {
+                    Touch::Ground(of) => name(of) == link && other == "ground",
+                    Touch::Links(a, b) => {
+                        [name(a), name(b)] == [&link, &other]
+                            || [name(b), name(a)] == [&link, &other]
+                    }
+                    _ => false,
+                };
+                let mut all = seen.environment.iter().chain(&seen.links);
+                let near = all.find(|near| is_it(near.touch)).unwrap();
+                let found = f64::from(*grid.missing.at(ix, iy));
+                off.push(near.tolerance - near.distance - found);
+            }
+        }
+    }
+    let worst = off.iter().map(|off| off.abs()).fold(0.0, f64::max);
+    assert!(off.len() > 20, "{}", off.len());
+    assert!(worst < 1.5e-4, "{worst} {off:?}");
 }
 
 #[test]

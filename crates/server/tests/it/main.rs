@@ -22,6 +22,7 @@ mod real_terrain;
 mod reconstruction;
 mod routes;
 mod rover_process;
+mod sequences;
 mod slow_consoles;
 mod soak;
 mod stability;
