@@ -15,11 +15,19 @@ export class GroundServer {
   url = "";
   private child: ChildProcess | null = null;
 
-  /** With these more arguments; with a configuration instead of that of the demo. */
+  /**
+   * With these more arguments; with a configuration instead of that of the demo; `by` gives the program that
+   * starts it, from the folder of its logs.
+   */
   constructor(
     private readonly more: readonly string[] = [],
     private readonly config: string | null = null,
+    private readonly by: (logs: string) => readonly string[] = () => [],
   ) {}
+
+  get pid(): number {
+    return this.child!.pid!;
+  }
 
   /** Starts it on a free port, or again on the port that it had. */
   async start(): Promise<void> {
@@ -27,7 +35,7 @@ export class GroundServer {
     const folders = ["--logs", this.logs, "--terrains", this.terrains];
     const mission = this.config === null ? ["--demo"] : ["--config", this.written(this.config)];
     const args = ["serve", ...mission, "--port", port, ...folders, ...this.more];
-    this.child = begin(args);
+    this.child = begin(args, this.by(this.logs));
     this.url = await said(this.child, /http:\/\/127\.0\.0\.1:\d+/);
   }
 
@@ -53,14 +61,21 @@ export class GroundServer {
     return (await fetch(`${this.url}/api/v1/${path}`)).json() as Promise<T>;
   }
 
-  /** The same delay (s) each way. */
-  async setDelay(delay_s: number): Promise<void> {
-    const answer = await fetch(`${this.url}/api/v1/link`, {
-      method: "PUT",
+  /** Asks for something; the status of the answer, and what it says. */
+  async ask(method: string, path: string, body: unknown): Promise<[number, unknown]> {
+    const answer = await fetch(`${this.url}/api/v1/${path}`, {
+      method,
       headers: { "Content-Type": "application/json" },
-      body: JSON.stringify({ up_delay_s: delay_s, down_delay_s: delay_s }),
+      body: JSON.stringify(body),
     });
-    if (!answer.ok) throw new Error(`PUT /link answered ${answer.status}`);
+    return [answer.status, await answer.json()];
+  }
+
+  /** The same delay (s) each way, and what else the link is to do. */
+  async setDelay(delay_s: number, more: object = {}): Promise<void> {
+    const link = { up_delay_s: delay_s, down_delay_s: delay_s, ...more };
+    const [status, said] = await this.ask("PUT", "link", link);
+    if (status !== 200) throw new Error(`PUT /link answered ${status}: ${JSON.stringify(said)}`);
   }
 }
 

@@ -111,6 +111,7 @@ export interface LinkChange {
   down?: Partial<DirectionModel> | null;
 }
 export type LinkCounters = Wire<"LinkCounters">;
+export type Outage = Wire<"Outage">;
 export type CarrierReport = Wire<"CarrierReport">;
 export type LinkReport = Wire<"LinkReport">;
 

@@ -17,6 +17,8 @@ export function blockedBy(state: ConsoleState): string | null {
   const estop = state.stream.live.link?.message.estop ?? "clear";
   const down = carrierDown(state.stream.live);
   if (down) return `${carrierWords(down)}: nothing can be handed over to the rover.`;
+  if (state.stream.live.link?.message.flight_log?.error)
+    return "The flight log cannot be written in full: no command is taken until it can.";
   if (estop !== "clear") return "An E-stop is in force. Release it first.";
   return null;
 }

@@ -5,6 +5,7 @@
 mod admin;
 mod analyses;
 mod bad_input;
+mod clean_stop;
 mod codes;
 mod command_line;
 mod commanding;
