@@ -78,7 +78,7 @@ async fn unsafe_ground_is_hardly_ever_called_safe_by_the_server() {
             sampled.push((p, class));
         }
     }
-    println!(
+    eprintln!(
         "{visible} visible cells, classed {:.1} %, called safe {:.1} %, truly unsafe {:.1} %, called safe {:.3} % \
          of visible, without doubt {:.3} %",
         100.0 * known / visible,

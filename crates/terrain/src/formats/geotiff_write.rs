@@ -84,7 +84,7 @@ pub fn write_picture(grid: &Grid, gray: &[u8], alpha: &[u8]) -> Result<Vec<u8>, 
         let known = four.iter().filter(|i| bands[1][**i] > 0);
         let n = known.clone().count() as u32;
         let sum: u32 = known.map(|i| u32::from(bands[0][*i])).sum();
-        if n == 0 { vec![0, 0] } else { vec![((sum + n / 2) / n) as u8, 255] }
+        (sum + n / 2).checked_div(n).map_or(vec![0, 0], |mean| vec![mean as u8, 255])
     });
     write_levels(&levels, 0, &kind, &tags(grid, &["gray", "alpha"]))
 }

@@ -14,13 +14,15 @@ use crate::mutate::{Seed, mutated};
 /// What a reader made of a file: true if it read it, false if it refused it, or the promise that it broke.
 pub type Answer = Result<bool, String>;
 
+/// Reads what has become of a seed, given by its index.
+pub type Read = Box<dyn Fn(usize, &[u8]) -> Answer>;
+
 /// A reader of files.
 pub struct Reader {
     pub name: &'static str,
     /// Good files, each of which it reads.
     pub seeds: Vec<Seed>,
-    /// Reads what has become of a seed, given by its index.
-    pub read: Box<dyn Fn(usize, &[u8]) -> Answer>,
+    pub read: Read,
     /// Most memory beside the file (bytes).
     pub memory_max: usize,
     /// Most time for one file (s of the processor, as a release build; a debug build may take ten times it).

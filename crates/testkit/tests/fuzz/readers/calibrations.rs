@@ -47,7 +47,7 @@ pub fn readers() -> Vec<Reader> {
         }),
         texts("middlebury", &[MIDDLEBURY], |_, text| cameras(read_middlebury(text).map(Vec::from))),
         texts("opencv", &[ROS, INTRINSICS, EXTRINSICS], |i, text| match i {
-            0 => cameras(read_opencv(text, None).map(|c| vec![c.into()])),
+            0 => cameras(read_opencv(text, None).map(|c| vec![c])),
             1 => pair(text, EXTRINSICS),
             _ => pair(INTRINSICS, text),
         }),
