@@ -30,20 +30,19 @@ test("the picture of the cameras and an imported raster lie over the ground", as
   await expect(at("picture")).toContainText("Left images of 2 pairs");
   await expect(at("picture")).toContainText("NavCam 1");
 
-  const { current } = (await (
-    await page.request.get("/api/v1/terrain/versions")
-  ).json()) as TerrainVersions;
+  const file = (path: string) => page.request.get(`${server.url}${path}`);
+  const { current } = await server.get<TerrainVersions>("terrain/versions");
   await at("export-format").selectOption("ply");
   await at("export-error").selectOption("0.05");
   const href = await at("export").getAttribute("href");
   expect(href).toBe(`/api/v1/terrain/${current}/export?format=ply&error_m=0.05`);
-  const mesh = await (await page.request.get(href!)).body();
+  const mesh = await (await file(href!)).body();
   expect(mesh.subarray(0, 4).toString()).toBe("ply\n");
-  const whole = await page.request.get(`/api/v1/terrain/${current}/export?format=ply`);
+  const whole = await file(`/api/v1/terrain/${current}/export?format=ply`);
   expect(mesh.length).toBeLessThan((await whole.body()).length / 2);
 
   // The exported picture is a raster of this ground.
-  const tif = await page.request.get(`/api/v1/terrain/${current}/export?format=texture`);
+  const tif = await file(`/api/v1/terrain/${current}/export?format=texture`);
   expect(tif.status()).toBe(200);
   const buffer = await tif.body();
   await at("rasters-open").click();
