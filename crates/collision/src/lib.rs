@@ -25,6 +25,7 @@ mod form;
 mod gjk;
 mod ground;
 mod look;
+mod odometer;
 mod pairs;
 mod quick;
 mod scene;
