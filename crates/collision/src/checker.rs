@@ -519,6 +519,7 @@ impl<'a> LegChecker<'a> {
             }),
             axes: [Vector3::zeros(); 6],
             slides: [false; 6],
+            angles: LegAngles::repeat(f64::NAN),
         }
     }
 

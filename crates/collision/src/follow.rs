@@ -76,7 +76,7 @@ struct Seen {
 impl<'c> Follower<'c> {
     /// Prepares for following the leg of `checker`.
     pub fn new(checker: &'c LegChecker<'c>) -> Follower<'c> {
-        let mut odometer = Odometer::default();
+        let mut odometer = Odometer::new(checker);
         let mut batches: Vec<Batch> = Vec::new();
         let mut keys: Vec<(usize, Option<usize>)> = Vec::new();
         for item in &checker.items {
@@ -122,7 +122,8 @@ impl<'c> Follower<'c> {
         touch
     }
 
-    /// Something nearer than it may be; `None` if all is free.
+    /// Something nearer than it may be; `None` if all is free. `frames` are of the checker's
+    /// [`chain`](LegChecker::chain).
     pub fn touch(&mut self, frames: &LegFrames, allowance: Allowance) -> Option<Touch> {
         self.scratch.clear();
         self.odometer.go_to(frames);

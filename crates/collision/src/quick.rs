@@ -147,6 +147,7 @@ impl<'c> QuickChecker<'c> {
         }
         let carrier = wheel.after(&self.wheel_from_carrier);
         self.carried.links.fill(carrier);
+        self.carried.angles.fill(f64::NAN);
         if moving.place + 1 < self.checker.scene.robot().leg(self.checker.leg()).n_joints() {
             // A part that does not turn with the last joint: where that link would have to be.
             let part = carrier.after(&moving.link_from_part);

@@ -104,6 +104,8 @@ pub struct LegFrames {
     pub axes: [Vector3<f64>; PLACES],
     /// True for prismatic joints.
     pub slides: [bool; PLACES],
+    /// The joint angles (rad; m for a prismatic joint) that gave all this; no numbers where they are not known.
+    pub angles: LegAngles,
 }
 
 impl LegChain {
@@ -174,7 +176,7 @@ impl LegChain {
             links[place] = parent;
         }
         links[self.joints.len()..].fill(parent);
-        LegFrames { links, axes, slides }
+        LegFrames { links, axes, slides, angles: *angles }
     }
 
     /// Center of mass of the whole robot, in `world` (m).
