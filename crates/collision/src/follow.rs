@@ -16,6 +16,7 @@ use crate::ground::{clear_of_ground, is_known_below};
 use crate::look::Look;
 use crate::odometer::Odometer;
 use crate::solid::Part;
+use crate::yaws::Yaws;
 
 /// Room beyond what must be kept over the highest ground about that is asked for first (m at scale 1).
 const FAR: f64 = 0.4;
@@ -59,6 +60,8 @@ struct Batch {
     /// The way (m) up to which nothing needs a look but `always`.
     due: f64,
     always: Vec<Item>,
+    /// For what the first joint alone moves.
+    yaws: Option<Yaws>,
 }
 
 /// All items of a batch, looked at in one place.
@@ -93,9 +96,19 @@ impl<'c> Follower<'c> {
             let batch = keys.iter().position(|known| *known == key).unwrap_or_else(|| {
                 let sphere = checker.moving[part].sphere_in_place();
                 let moves = odometer.way_for(place(part), seen_from, &sphere);
-                let (seen, always) = (ArrayVec::new(), Vec::new());
+                // What stands on the ground is allowed other things each time.
+                let by_yaw = moves == Some(0) && !checker.moving[part].part.is_wheel;
+                let radius = sphere.0.coords.norm() + sphere.1;
                 keys.push(key);
-                batches.push(Batch { items: Vec::new(), moves, sphere, seen, due: NOW, always });
+                batches.push(Batch {
+                    items: Vec::new(),
+                    moves,
+                    sphere,
+                    seen: ArrayVec::new(),
+                    due: NOW,
+                    always: Vec::new(),
+                    yaws: Some(radius).filter(|_| by_yaw).and_then(|r| Yaws::new(checker, r)),
+                });
                 batches.len() - 1
             });
             batches[batch].items.push(*item);
@@ -142,6 +155,24 @@ impl<'c> Follower<'c> {
         touch
     }
 
+    /// Of items and of the members of groups that are near, those that are not known to be clear in a configuration
+    /// other than the present one, and wherever their part is within a `way` (m) of there.
+    fn open_about(&mut self, items: &[Item], there: &LegFrames, way: f64) -> Vec<Item> {
+        let moment = Moment { extra: way, ..Moment::still(there, Allowance::default()) };
+        self.scratch.clear();
+        let mut open = Vec::new();
+        for item in items {
+            for item in self.single(*item, &moment) {
+                let look = self.checker.look(&moment, &item, &mut self.scratch);
+                if !matches!(look, Look::Clear) {
+                    open.push(item);
+                }
+            }
+        }
+        self.scratch.clear();
+        open
+    }
+
     fn look_at_all(
         &mut self,
         items: &[Item],
@@ -179,6 +210,14 @@ impl<'c> Follower<'c> {
             if beyond < 0.0 {
                 batch.due = gone - beyond;
                 return None;
+            }
+            if let Some(yaws) = &mut batch.yaws
+                && let Some(piece) = yaws.piece(frames)
+            {
+                let (checker, items) = (self.checker, &batch.items);
+                let about = |middle: &LegFrames, way| self.open_about(items, middle, way);
+                let open = yaws.open(checker, piece, about);
+                return self.look_at_all(open, frames, allowance);
             }
             let way = beyond + seen.least();
             let mut room_left = f64::INFINITY;
@@ -224,26 +263,31 @@ impl<'c> Follower<'c> {
         item: &Item,
         seen: &mut Seen,
     ) -> Result<(), Touch> {
-        let mut see = |follower: &mut Self, item: Item| {
-            match follower.look(frames, allowance, &item)? {
+        for item in self.single(*item, &Moment::still(frames, allowance)) {
+            match self.look(frames, allowance, &item)? {
                 Some(room) => seen.rooms.push((room, item)),
                 None => seen.always.push(item),
             }
-            Ok(())
-        };
-        let Against::Group(group) = item.against else { return see(self, *item) };
-        let (checker, index) = (self.checker, usize::from(item.moving));
-        self.scratch.place(checker, &Moment::still(frames, allowance), index);
-        if self.room_about_group(index, group) > NEAR * self.scale {
-            return see(self, *item);
-        }
-        for against in checker.members(group) {
-            let Against::Fixed(k) = against else { continue };
-            if checker.fixed[usize::from(k)].required[index].is_some() {
-                see(self, Item { against, ..*item })?;
-            }
         }
         Ok(())
+    }
+
+    /// An item itself, or the members of a group that is near.
+    fn single(&mut self, item: Item, moment: &Moment) -> impl Iterator<Item = Item> + use<'c> {
+        let (checker, index) = (self.checker, usize::from(item.moving));
+        let mut near = None;
+        if let Against::Group(group) = item.against {
+            self.scratch.place(checker, moment, index);
+            if self.room_about_group(index, group) <= NEAR * self.scale {
+                near = Some(checker.groups[usize::from(group)].members.clone());
+            }
+        }
+        let itself = near.is_none().then_some(item);
+        let is_kept = move |k: &usize| checker.fixed[*k].required[index].is_some();
+        let members = near.into_iter().flatten().filter(is_kept);
+        itself
+            .into_iter()
+            .chain(members.map(move |k| Item { against: Against::Fixed(k as u16), ..item }))
     }
 
     /// By how much more than it must a part that has been placed is clear of a group at least, by spheres (m).

@@ -33,6 +33,7 @@ mod solid;
 mod survey;
 mod touchdown;
 mod wheel;
+mod yaws;
 
 pub use body::BodyCertifier;
 pub use certificate::{Certificate, Certifier};
