@@ -60,19 +60,13 @@ check: tools web/node_modules/.package-lock.json ## Format, lints, types, docume
 	node .ci/check-docs.mjs
 	@echo "All checks passed."
 
-bench: tools ## Run all benchmarks and print one table
+bench: tools ## Run all benchmarks and print one table (FOOTFALL_BENCH_GB: size of the log that is searched, 0.2)
 	cargo bench --workspace --locked --bench '*'
 	@node .ci/bench-table.mjs
 
-soak: tools $(VENV)/mcap-$(MCAP_PYTHON) ## Run 10^5 generated requests, and the long forms of tests by brute force
-	FOOTFALL_SOAK=$${FOOTFALL_SOAK:-100000} cargo test --release --locked -p motion -p server --test it soak
-	FOOTFALL_FULL=1 cargo test --release --locked -p collision --test it
-	FOOTFALL_FULL=1 cargo test --release --locked -p bridge --test it -- link:: histories:: authority:: carrier:: partition::
-	cargo test --release --locked -p server --test it -- --nocapture consoles:: rover_process
-	FOOTFALL_FULL=1 cargo test --release --locked -p motion --test it -- final_check body_shift
-	FOOTFALL_FULL=1 cargo test --release --locked -p terrain --test it -- damaged
-	FOOTFALL_FULL=1 FOOTFALL_PYTHON=$(CURDIR)/$(VENV)/bin/python cargo test --release --locked -p bridge --test it -- \
-		--nocapture bounds catalog chain conformance crash damage disk_full kill large_log replay stock_reader
+# At most half an hour on two cores. Times printed are worth something where nothing else runs.
+soak: tools web/node_modules/.package-lock.json $(VENV)/mcap-$(MCAP_PYTHON) ## Run 10^5 generated requests, and the long forms of tests by brute force
+	@FOOTFALL_PYTHON=$(CURDIR)/$(VENV)/bin/python node .ci/soak.mjs
 
 format: tools web/node_modules/.package-lock.json ## Format all sources
 	cargo fmt --all

@@ -1,6 +1,7 @@
 // Stability in one glance: every margin with what decides it, its regions over the ground, how it went, the
 // energy surface, and why a leg cannot stand at a cell.
 
+import type { LogList } from "../src/api/types";
 import { type Console, expect, test } from "./support/console";
 
 const MARGINS = [
@@ -81,6 +82,35 @@ test("two gestures tell why a leg cannot stand at a cell", async ({ ops, page })
   await ops.clickGround(await ops.groundBeside("leg1", 0.9, 0));
   await expect(ops.at("why-not")).toContainText("Leg 1: unreachable");
   await expect(ops.at("why-not")).toContainText("missing");
+});
+
+test("after a jump in a replay the strip shows the minutes before", async ({
+  ops,
+  page,
+  server,
+}) => {
+  await ops.open();
+  const strip = ops.at("margin-history");
+  const samples = async () =>
+    (await strip.count()) === 0 ? 0 : Number(await strip.getAttribute("data-samples"));
+  await ops.at("all-margins").click();
+  await expect.poll(samples, { timeout: 30_000 }).toBeGreaterThan(10);
+  const { logs } = await server.get<LogList>("logs");
+  await ops.at("mode-menu").click();
+  await ops.at(`replay-${logs[0]!.id}`).click();
+  await expect(ops.at("mode")).toHaveText("REPLAY");
+  await expect(ops.at("opening")).toHaveCount(0);
+  await ops.at("replay-toggle").click();
+  // Nothing was played of what lies between, and nothing is played now.
+  await ops.at("replay-scrub").focus();
+  await page.keyboard.press("End");
+  await expect.poll(samples).toBeGreaterThan(8);
+  await expect(ops.at("strip-regular")).toHaveText(/^\d\.\d\d m$/);
+  const box = (await strip.boundingBox())!;
+  await page.mouse.move(box.x + box.width - 4, box.y + box.height / 2);
+  await expect(ops.at("strip-at")).toHaveText(/^\d\d:\d\d:\d\d/);
+  await page.keyboard.press("Home");
+  await expect.poll(samples).toBeLessThan(3);
 });
 
 test("one choice of stability goes with plans and reachability", async ({ ops, page, watch }) => {

@@ -1,6 +1,7 @@
 import { ChevronLeft, ChevronRight } from "lucide-react";
 import { useEffect } from "react";
 
+import { Attention } from "./features/attention/Attention";
 import { Banner } from "./features/banner/Banner";
 import { CellReadout } from "./features/cell/CellReadout";
 import { EstopBanner } from "./features/estop/Estop";
@@ -22,10 +23,12 @@ import { SceneView } from "./features/scene/SceneView";
 import { StabilityPanel } from "./features/stability/StabilityPanel";
 import { StepStrip } from "./features/step-strip/StepStrip";
 import { TelemetryPanel } from "./features/telemetry/TelemetryPanel";
+import { startAuthority } from "./store/authority";
 import { startCameras } from "./store/cameras";
 import { start, useConsole } from "./store/console";
 import { startEnergy } from "./store/energy";
 import { startMargins } from "./store/marginHistory";
+import { startDrapes } from "./store/drapes";
 import { startMapLayer } from "./store/mapLayer";
 import { startPosture } from "./store/posture";
 import { loadTerrain, useTerrain } from "./store/terrain";
@@ -55,6 +58,8 @@ export function App() {
   useEffect(startPosture, []);
   useEffect(startCameras, []);
   useEffect(startMapLayer, []);
+  useEffect(startAuthority, []);
+  useEffect(startDrapes, []);
   useHotkeys();
   useTerrainOfVersion();
   useReachability();
@@ -160,6 +165,7 @@ function RightPanel() {
               </button>
             ))}
           </div>
+          <Attention />
           <div
             className="right-body"
             id="right-body"

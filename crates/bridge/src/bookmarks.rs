@@ -84,6 +84,11 @@ pub fn remove(dir: &Path, log: &str, id: &str) -> Result<(), BookmarkError> {
     keep(dir, log, &all)
 }
 
+/// Gives a new log, as a clip is, the bookmarks that were attached to it.
+pub fn take_along(dir: &Path, log: &str, attached: &[u8]) -> Result<(), BookmarkError> {
+    keep(dir, log, &serde_json::from_slice(attached).map_err(io::Error::from)?)
+}
+
 fn keep(dir: &Path, log: &str, all: &BookmarkList) -> Result<(), BookmarkError> {
     let path = file_of(dir, log)?;
     let draft = path.with_extension("draft");

@@ -21,8 +21,8 @@ use serde::Serialize;
 use tokio::sync::{Notify, oneshot};
 use wire::live::{
     AckStage, CarrierState, CommandEvent, CommandRecord, CommandState, Downlink, EventLevel,
-    EventNotice, ImageDown, LinkClass, LinkConfig, LinkReport, RoverTelemetry, StabilityDerived,
-    Uplink, channel,
+    EventNotice, FlightLogReport, ImageDown, LinkClass, LinkConfig, LinkReport, RoverTelemetry,
+    StabilityDerived, Uplink, channel,
 };
 use wire::resources::LatestFrame;
 use wire::time::Timestamp;
@@ -39,6 +39,8 @@ use crate::views::Views;
 
 pub use carrier::Queues;
 pub use imaging::CameraRecords;
+pub use observe::Shown;
+pub use operate::Rehearsed;
 pub use run::{STEP_S, run};
 
 /// Most commands under way at once.
@@ -79,6 +81,8 @@ pub struct Ground {
     now: Timestamp,
     latest_log_time: Timestamp,
     link_reported: Option<Timestamp>,
+    /// The log failed at the last step.
+    log_failed: bool,
     latest: Option<LatestFrame>,
     stability: Option<StabilityDerived>,
     views: Option<Views>,
@@ -191,6 +195,7 @@ impl Ground {
             now,
             latest_log_time: now,
             link_reported: None,
+            log_failed: false,
             latest: None,
             stability: None,
             views: None,
@@ -249,6 +254,11 @@ impl Ground {
         for notice in self.recorder.take_notices() {
             self.publish(now, channel::EVENT, &notice);
         }
+        // That the log fails, or is well again, is told at once, as no command passes meanwhile.
+        let log_fails = self.recorder.fails();
+        if std::mem::replace(&mut self.log_failed, log_fails) != log_fails {
+            self.report_link();
+        }
         if self.link_reported.is_none_or(|at| now.seconds_since(at) >= LINK_REPORT_S) {
             self.report_link();
         }
@@ -306,10 +316,18 @@ impl Ground {
             },
             up: self.up.counters(),
             down: self.down.counters(),
+            up_queues: self.up.queues(),
+            down_queues: self.down.queues(),
             estop: self.estop.state(),
             authority: self.authority.report(self.now),
             carrier: self.adapter.carrier(),
+            flight_log: Some(self.flight_log()),
         }
+    }
+
+    fn flight_log(&self) -> FlightLogReport {
+        let status = self.recorder.status();
+        FlightLogReport { error: status.error, dropped: status.dropped }
     }
 
     /// The last frame received.

@@ -26,7 +26,7 @@ mod settings;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-use wire::live::{LinkClass, LinkCounters, WhenFull};
+use wire::live::{LinkClass, LinkCounters, QueueFill, WhenFull};
 use wire::time::Timestamp;
 
 use dice::Dice;
@@ -276,6 +276,20 @@ impl<T: Clone> Direction<T> {
     /// The counters at the latest time given.
     pub fn counters(&self) -> LinkCounters {
         self.counters
+    }
+
+    /// The queues in which something waits at the latest time given, highest class first.
+    pub fn queues(&self) -> Vec<QueueFill> {
+        let fill = |class: LinkClass| {
+            let queue = &self.queues[class as usize];
+            QueueFill {
+                class,
+                messages: queue.messages.len() as u64,
+                bytes: queue.bytes,
+                room_bytes: self.settings.model().queues.of(class).bytes,
+            }
+        };
+        LinkClass::ALL.map(fill).into_iter().filter(|queue| queue.messages > 0).collect()
     }
 
     /// Handles everything at the sending end, and damaged arrivals, up to `now`.

@@ -245,6 +245,9 @@ pub fn scan_items(
     taken.map(|(_, damage)| damage)
 }
 
+/// Ends of the data that a scan goes on behind, where messages follow: damage makes few of them.
+const ENDS_MAX: usize = 64;
+
 /// As [`scan_items`], record by record of the file: where it is, its kind, and what it holds.
 fn scan_places(
     source: impl Read,
@@ -265,6 +268,7 @@ fn scan_places(
         window.pass(mcap::MAGIC.len());
     }
     let sound = |header: &ChunkHeader<'_>| chunk::content(header, 0, limits).is_ok();
+    let mut ends = 0;
     loop {
         let at = window.at();
         if lost {
@@ -296,7 +300,13 @@ fn scan_places(
                 items.damage.push(Damage::BadFileCrc);
             }
             window.pass(9 + size);
-            items.damage.extend(summary_damage(&mut window, limits)?);
+            let (damage, more) = summary_damage(&mut window, limits)?;
+            items.damage.extend(damage);
+            ends += 1;
+            if more && ends < ENDS_MAX {
+                // An index of messages is one flipped bit away from the end of the data.
+                continue;
+            }
             return Ok(done(items));
         }
         let mut trusted = items.take(opcode, data, at);
@@ -327,28 +337,31 @@ fn done(mut items: Items) -> (Items, Vec<Damage>) {
     (items, damage)
 }
 
-/// What is wrong from the end of the data to the end of the file.
+/// What is wrong from the end of the data to the end of the file; true if the window is at messages,
+/// so that it was not the end.
 fn summary_damage(
     window: &mut Window<impl Read>,
     limits: Limits,
-) -> Result<Option<Damage>, ReadError> {
+) -> Result<(Option<Damage>, bool), ReadError> {
     window.reset_crc();
     loop {
         let at = window.at();
-        let bad = |reason: &str| Ok(Some(Damage::BadSummary { at, reason: reason.into() }));
+        let bad = |reason: &str| Some(Damage::BadSummary { at, reason: reason.into() });
         if !window.fill(9)? {
-            return Ok(Some(Damage::Torn { at }));
+            return Ok((Some(Damage::Torn { at }), false));
         }
-        let Some((opcode, length)) = window.frame() else { return Ok(Some(Damage::Torn { at })) };
+        let Some((opcode, length)) = window.frame() else {
+            return Ok((Some(Damage::Torn { at }), false));
+        };
         let Some(size) = usize::try_from(length).ok().filter(|&n| n <= limits.record_bytes) else {
-            return Ok(Some(Damage::RecordTooLong { at, length }));
+            return Ok((Some(Damage::RecordTooLong { at, length }), false));
         };
         if !window.fill(9 + size)? {
-            return Ok(Some(Damage::Torn { at }));
+            return Ok((Some(Damage::Torn { at }), false));
         }
         if opcode != op::FOOTER {
             if opcode == op::CHUNK || opcode == op::MESSAGE {
-                return bad("messages stand behind the end of the data");
+                return Ok((bad("messages stand behind the end of the data"), true));
             }
             window.pass(9 + size);
             continue;
@@ -357,22 +370,22 @@ fn summary_damage(
         window.pass((9 + 16).min(9 + size));
         let crc = window.crc();
         if size != 20 || !window.fill(4 + mcap::MAGIC.len())? {
-            return bad("the footer is not whole");
+            return Ok((bad("the footer is not whole"), false));
         }
         let said = Fields(window.rest()).u32().unwrap_or_default();
         if said != 0 && said != crc {
-            return bad("its checksum does not agree");
+            return Ok((bad("its checksum does not agree"), false));
         }
         window.pass(4);
         if !window.rest().starts_with(mcap::MAGIC) {
-            return bad("the magic bytes of the end are others");
+            return Ok((bad("the magic bytes of the end are others"), false));
         }
         window.pass(mcap::MAGIC.len());
         if window.fill(1)? {
             let at = window.at();
             let reason = "there are bytes behind the end of the file".into();
-            return Ok(Some(Damage::BadSummary { at, reason }));
+            return Ok((Some(Damage::BadSummary { at, reason }), false));
         }
-        return Ok(None);
+        return Ok((None, false));
     }
 }

@@ -277,6 +277,11 @@ impl Recorder {
         self.queue.status()
     }
 
+    /// True while the disk does not take everything, as `error` of the status tells why.
+    pub fn fails(&self) -> bool {
+        self.queue.fails()
+    }
+
     /// Writes what waits and seals the log. Blocks. What comes later is refused, or dropped and counted.
     pub fn finish(&mut self) -> Result<RecorderStatus, RecorderError> {
         self.stop();

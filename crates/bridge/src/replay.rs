@@ -5,6 +5,7 @@
 //! log, byte for byte as recorded; a message of an earlier time than the one before it is due with
 //! that one. The log is read piece by piece ([`IndexedLog`]), and few pieces are held.
 
+mod earlier;
 mod pieces;
 mod state;
 
@@ -14,6 +15,7 @@ use wire::time::Timestamp;
 use crate::bus::ChannelMessage;
 use crate::reader::{Damage, IndexedLog, ReadError};
 
+pub use earlier::Place;
 use pieces::Pieces;
 
 /// Slowest and fastest speed.
@@ -94,7 +96,7 @@ impl Replay {
             paused: false,
         };
         if let Some(from) = from {
-            replay.place(now, from)?;
+            replay.put(now, from)?;
         }
         Ok(replay)
     }
@@ -140,7 +142,7 @@ impl Replay {
         now: Timestamp,
         at: Timestamp,
     ) -> Result<Vec<ChannelMessage>, ReplayError> {
-        self.place(now, at)?;
+        self.put(now, at)?;
         self.snapshot()
     }
 
@@ -222,7 +224,7 @@ impl Replay {
     }
 
     /// What is at or before the place counts as given.
-    fn place(&mut self, now: Timestamp, at: Timestamp) -> Result<(), ReplayError> {
+    fn put(&mut self, now: Timestamp, at: Timestamp) -> Result<(), ReplayError> {
         self.at = at.clamp(self.pieces.start(), self.pieces.end());
         self.anchor_now = now;
         let piece = self.pieces.first_ending_after(self.at);

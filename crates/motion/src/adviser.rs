@@ -419,7 +419,7 @@ impl<'c> Tally<'c> {
             return;
         }
         let barrier = match &attempt.barrier {
-            Some(barrier) if attempt.after.torque.ratio.abs() <= 1.0 => barrier.clone(),
+            Some(barrier) if !attempt.after.torque.is_overloaded() => barrier.clone(),
             _ => attempt.after.barrier(self.case.scene.robot()),
         };
         let margins = Some(attempt.after.clone());

@@ -487,7 +487,7 @@ fn torque_finding(context: &CheckContext, torque: &Least<(LegId, usize)>) -> Fin
         margin: Some(torque.value),
         place: format!("{joint} at {:.1} s", torque.time),
         detail: format!(
-            "largest torque {:.0} % of its limit, legs as equal springs",
+            "largest torque {:.0} % of its limit, legs as springs within their error",
             100.0 * ratio
         ),
     }

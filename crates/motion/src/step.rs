@@ -2,8 +2,9 @@
 
 use collision::{Keep, LegChecker, Scene, Survey, survey};
 use nalgebra::{Point3, Translation3};
-use rover::{Configuration, LegAngles, LegId, Posture, vertical_stiffness};
-use stability::{StanceGuard, rule, spring_share};
+use rover::{Configuration, LegAngles, LegId, Posture};
+use stability::loads::{compliant_share, leg_springs};
+use stability::{StanceGuard, rule};
 
 use crate::answer::{
     EdgeRule, Footfall, Outcome, Phase, Statistics, StepAnswer, StepRequest, Target, Waypoint,
@@ -382,12 +383,13 @@ impl<'a> Planning<'a> {
         let robot = self.scene.robot();
         let rules = robot.stance();
         let down = posture.with_leg(robot, self.leg(), angles);
-        let mut contacts: Vec<Point3<f64>> = standing.iter().map(|(_, p)| *p).collect();
-        contacts.push(footfall.contact);
-        let weight = robot.mass() * self.gravity;
-        let load = *spring_share(&contacts, &down.center_of_mass(robot), weight)?.last()?;
-        let stiffness = vertical_stiffness(robot, &down, self.leg(), &footfall.contact);
-        let depth = (load / stiffness).min(0.5 * rules.ground_tolerance);
+        let mut feet = standing.to_vec();
+        feet.push((self.leg(), footfall.contact));
+        let contacts: Vec<Point3<f64>> = feet.iter().map(|(_, p)| *p).collect();
+        let (springs, weight) = (leg_springs(robot, &down, &feet), robot.mass() * self.gravity);
+        let loads = compliant_share(&contacts, &down.center_of_mass(robot), weight, &springs)?;
+        let (load, spring) = (*loads.last()?, springs.last()?);
+        let depth = (load / spring.stiffness_n_m).min(0.5 * rules.ground_tolerance);
         let press = Translation3::from(footfall.normal.into_inner() * -depth);
         let goal = press * footfall.world_from_wheel;
         let knots = wheel_line(robot, posture, self.leg(), angles, &goal).ok()?;

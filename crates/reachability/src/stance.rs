@@ -6,24 +6,27 @@
 //! where a preference becomes a rule.
 
 use geometry::{ConvexPolygon, ConvexRegion};
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Point3, Vector3};
 use rover::{LegAngles, LegChain, LegId, Posture, Robot, StanceRules, Wrench, hold_torques};
 use stability::rule::Preference;
 use stability::{
-    ConeModel, Contact, StanceGuard, force_region, loads, settlement, support_polygon, torque,
+    ConeModel, Contact, StanceGuard, StanceSprings, force_region, safety, settlement,
+    support_polygon, torque,
 };
 
 use crate::answer::Reason;
 
 /// Share of a torque limit that rounding may take: beyond, the torques are computed in full.
 const NEARLY: f64 = 1.0 - 1e-9;
+/// As deep (m) in a polygon, a point is in it whatever was rounded.
+const INSIDE: f64 = 1e-9;
 
 /// The rule for one moving leg.
 pub(crate) struct Stance<'a> {
     robot: &'a Robot,
     rules: StanceRules,
     contacts: Vec<Point3<f64>>,
-    legs: Vec<LegId>,
+    standing: Vec<(LegId, Contact)>,
     /// None if the feet enclose no support polygon: then nothing holds.
     support: Option<Support>,
     torques: Torques,
@@ -58,16 +61,18 @@ impl<'a> Stance<'a> {
         preference: Preference,
     ) -> Stance<'a> {
         let rules = *robot.stance();
-        let support = Support::new(standing, &rules, preference);
-        let standing: Vec<_> = standing.iter().map(|(leg, c)| (*leg, c.position)).collect();
-        let contacts: Vec<_> = standing.iter().map(|(_, contact)| *contact).collect();
+        // With the preference `friction`, the best forces must also do where friction asks for them.
+        let on_slopes = preference == Preference::Friction && {
+            let contacts: Vec<Contact> = standing.iter().map(|(_, c)| *c).collect();
+            !safety::hold_verticals(&contacts, ConeModel::default())
+        };
         Stance {
             robot,
             rules,
-            legs: standing.iter().map(|(leg, _)| *leg).collect(),
-            support,
-            torques: Torques::new(robot, posture, leg, &standing, gravity),
-            contacts,
+            support: Support::new(standing, &rules, preference),
+            torques: Torques::new(robot, posture, leg, standing, gravity, on_slopes),
+            contacts: standing.iter().map(|(_, contact)| contact.position).collect(),
+            standing: standing.to_vec(),
             gravity,
         }
     }
@@ -107,19 +112,22 @@ impl<'a> Stance<'a> {
     /// By how much the worst joint is beyond its torque limit, as a share of it; negative if it is
     /// not.
     fn overload(&self, com: &Point3<f64>, posture: &Posture) -> f64 {
-        self.torque_report(com, posture).worst.ratio.abs() - 1.0
+        let worst = self.torque_report(com, posture).worst;
+        if worst.ratio.is_nan() { f64::INFINITY } else { worst.ratio.abs() - 1.0 }
     }
 
     /// Joint torques with the leg as in `posture`.
     pub fn torque_report(&self, com: &Point3<f64>, posture: &Posture) -> torque::TorqueReport {
-        let weight = self.robot.mass() * self.gravity;
-        let loads = loads::spring_share(&self.contacts, com, weight).unwrap_or_default();
-        let feet = self.legs.iter().zip(&self.contacts);
-        let wrench = |((leg, point), load): ((&LegId, &Point3<f64>), f64)| {
-            (*leg, Wrench { point: *point, force: Vector3::new(0.0, 0.0, load) })
-        };
-        let wrenches: Vec<_> = feet.zip(loads).map(wrench).collect();
-        torque::ratios(self.robot, posture, &wrenches, self.gravity)
+        let Torques { springs, on_slopes, .. } = &self.torques;
+        let feet = points(&self.standing);
+        let (robot, gravity) = (self.robot, self.gravity);
+        let (_, report) = safety::compliant(robot, posture, com, &feet, springs.as_ref(), gravity);
+        if !on_slopes {
+            return report;
+        }
+        let cone = ConeModel::default();
+        let best = safety::worst_by_best_forces(robot, posture, com, &self.standing, gravity, cone);
+        report.or_worse(best)
     }
 }
 
@@ -177,22 +185,16 @@ impl Support {
 
 /// Loads that the joints of the standing legs can bear.
 struct Torques {
-    /// Where the loads are counted from, and their center of mass: the loads of equal springs that all
-    /// carry are (1, x, y) · `share`.
-    origin: Point3<f64>,
-    share: Option<Matrix3<f64>>,
-    weight: f64,
-    feet: Vec<Foot>,
+    /// The springs under the feet, and where the center of mass may be without any joint of theirs being
+    /// overloaded, whatever in their band the loads are.
+    springs: Option<StanceSprings>,
+    sure: Option<ConvexPolygon>,
+    /// Loads between which all joints of each leg are within their limits (N).
+    bearable: Vec<(f64, f64)>,
+    /// True where the best forces may ask more of a joint than these loads.
+    on_slopes: bool,
     /// True if no joint of a leg that is up can be overloaded, whatever the moving leg does.
     others_bear: bool,
-}
-
-struct Foot {
-    /// (1, x, y) from the origin.
-    place: Vector3<f64>,
-    /// Loads between which all joints of the leg are within their limits (N).
-    least: f64,
-    most: f64,
 }
 
 impl Torques {
@@ -200,12 +202,13 @@ impl Torques {
         robot: &Robot,
         posture: &Posture,
         moving: LegId,
-        standing: &[(LegId, Point3<f64>)],
+        standing: &[(LegId, Contact)],
         gravity: f64,
+        on_slopes: bool,
     ) -> Torques {
         let weight = robot.mass() * gravity;
-        let origin = standing.first().map_or_else(Point3::origin, |(_, contact)| *contact);
-        let feet: Vec<Foot> = standing
+        let standing = points(standing);
+        let bearable: Vec<(f64, f64)> = standing
             .iter()
             .map(|(leg, contact)| {
                 let torques = |load: f64| {
@@ -213,13 +216,11 @@ impl Torques {
                     let wrench = Wrench { point: *contact, force };
                     hold_torques(robot, posture, *leg, gravity, Some(&wrench))
                 };
-                let (least, most) =
-                    bearable(&torques(0.0), &torques(weight), weight, &robot.leg(*leg).effort);
-                let place = Vector3::new(1.0, contact.x - origin.x, contact.y - origin.y);
-                Foot { place, least, most }
+                bearable(&torques(0.0), &torques(weight), weight, &robot.leg(*leg).effort)
             })
             .collect();
-        let stiffness: Matrix3<f64> = feet.iter().map(|f| f.place * f.place.transpose()).sum();
+        let springs = StanceSprings::of(robot, posture, &standing, gravity);
+        let sure = springs.as_ref().and_then(|springs| springs.surely_within(&bearable));
         let mut up = robot.leg_ids().filter(|leg| standing.iter().all(|(other, _)| other != leg));
         let bears = |leg: LegId| {
             let effort = &robot.leg(leg).effort;
@@ -230,19 +231,26 @@ impl Torques {
             };
             torques.iter().zip(effort.iter()).all(|(t, limit)| t.abs() <= limit * NEARLY)
         };
-        Torques { origin, share: stiffness.try_inverse(), weight, feet, others_bear: up.all(bears) }
+        Torques { springs, sure, bearable, on_slopes, others_bear: up.all(bears) }
     }
 
     /// True if all joints are within their limits; false where that takes a closer look.
     fn surely_bears(&self, com: &Point3<f64>) -> bool {
-        let Some(share) = self.share.filter(|_| self.others_bear) else { return false };
-        let center = Vector3::new(1.0, com.x - self.origin.x, com.y - self.origin.y);
-        let plane = share * center * self.weight;
-        self.feet.iter().all(|foot| {
-            let load = plane.dot(&foot.place);
-            load >= 0.0 && load >= foot.least && load <= foot.most
-        })
+        if self.on_slopes || !self.others_bear {
+            return false;
+        }
+        if self.sure.as_ref().is_some_and(|sure| sure.depth_of(com.xy()) >= INSIDE) {
+            return true;
+        }
+        let Some(band) = self.springs.as_ref().and_then(|s| s.band(com)) else { return false };
+        let ends = band.least_n.iter().zip(&band.most_n);
+        ends.zip(&self.bearable).all(|((least, most), bears)| *least >= bears.0 && *most <= bears.1)
     }
+}
+
+/// Where feet touch (m).
+fn points(standing: &[(LegId, Contact)]) -> Vec<(LegId, Point3<f64>)> {
+    standing.iter().map(|(leg, contact)| (*leg, contact.position)).collect()
 }
 
 /// The loads between which torques that go linearly from `unloaded` to what they are under `weight` (N)

@@ -197,7 +197,7 @@ impl LegToml {
 impl RobotToml {
     pub(crate) fn parse(text: &str) -> Result<RobotToml, ModelError> {
         let parsed: RobotToml = toml::from_str(text)
-            .map_err(|e| ModelError::Toml { message: e.to_string().trim_end().to_string() })?;
+            .map_err(|e| ModelError::Toml { message: toml_message(text, &e) })?;
         parsed.check()?;
         Ok(parsed)
     }
@@ -327,4 +327,17 @@ impl RobotToml {
     pub(crate) fn poses(&self) -> impl Iterator<Item = (&str, &[f64])> {
         self.poses.iter().map(|(name, pose)| (name.as_str(), pose.joints_rad.as_slice()))
     }
+}
+
+/// What is wrong with a TOML text, for messages: with the line itself unless that is long.
+pub fn toml_message(text: &str, error: &toml::de::Error) -> String {
+    const MESSAGE_MAX: usize = 800;
+    let whole = error.to_string();
+    if whole.len() <= MESSAGE_MAX {
+        return whole.trim_end().to_owned();
+    }
+    let before = error.span().and_then(|span| text.get(..span.start));
+    let line = before.map_or(1, |before| before.matches('\n').count() + 1);
+    let what: String = error.message().chars().take(300).collect();
+    format!("line {line}: {what}")
 }

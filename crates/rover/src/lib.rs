@@ -30,7 +30,7 @@ mod wheel;
 
 pub use chain::{Frame, LegChain, LegFrames, place_of};
 pub use compliance::{Compliance, leg_compliance, vertical_stiffness};
-pub use config::{MotionLimits, StanceRules, Tolerances};
+pub use config::{MotionLimits, StanceRules, Tolerances, toml_message};
 pub use ik::{
     Branch, FootTarget, IkSolution, IkSolutions, LegIk, LegSolver, MAX_SOLUTIONS, NoSolution,
     NumericalIk, Proof, Residual,

@@ -4,6 +4,7 @@ mod admin;
 mod analysis;
 mod authority;
 mod commands;
+mod drape;
 mod foxglove;
 mod images;
 mod jobs;
@@ -83,6 +84,7 @@ fn described() -> OpenApiRouter<AppState> {
         .merge(reconstruction::routes())
         .merge(images::routes())
         .merge(map_versions::routes())
+        .merge(drape::routes())
         .merge(plans::routes())
         .merge(commands::routes())
         .merge(authority::routes())

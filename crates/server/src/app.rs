@@ -7,6 +7,7 @@ use bridge::recorder::ChannelSchema;
 use tokio::sync::{Semaphore, watch};
 
 use crate::config::Config;
+use crate::drape::Overlays;
 use crate::error::ApiError;
 use crate::gate::Gate;
 use crate::jobs::Jobs;
@@ -37,6 +38,8 @@ pub struct App {
     pub store: Arc<TerrainStore>,
     /// Maps made of what its cameras see.
     pub reconstructions: Reconstructions,
+    /// Rasters that can be laid over the ground.
+    pub overlays: Overlays,
     /// The live rover.
     pub live: Live,
     /// Where its legs can stand.

@@ -142,6 +142,15 @@ impl<T: DeserializeOwned + Send, S: Send + Sync> FromRequestParts<S> for Path<T>
 /// Who asks, as the header `X-Operator` says; `operator` without it.
 pub struct Operator(pub String);
 
+impl Operator {
+    /// A name as requests carry it, without space around it; none that they could not carry.
+    pub fn named(text: &str) -> Option<String> {
+        let name = text.trim();
+        let printable = name.bytes().all(|b| (b' '..=b'~').contains(&b));
+        ((1..=64).contains(&name.len()) && printable).then(|| name.into())
+    }
+}
+
 impl<S: Send + Sync> FromRequestParts<S> for Operator {
     type Rejection = ApiError;
 
@@ -149,9 +158,8 @@ impl<S: Send + Sync> FromRequestParts<S> for Operator {
         let Some(value) = parts.headers.get("x-operator") else {
             return Ok(Operator("operator".into()));
         };
-        let name = value.to_str().map(str::trim).unwrap_or_default();
-        if (1..=64).contains(&name.len()) {
-            return Ok(Operator(name.into()));
+        if let Some(name) = value.to_str().ok().and_then(Operator::named) {
+            return Ok(Operator(name));
         }
         let message = "X-Operator must be 1 to 64 printable ASCII characters";
         Err(ApiError::new("operator_invalid", message))

@@ -126,6 +126,7 @@ pub struct TraversabilityConfig {
     pub unsafe_below: f64,
     pub caution_below: f64,
     pub certainty_caution_below: f64,
+    pub doubt_sigmas: f64,
 }
 
 #[derive(Debug, Clone, PartialEq, Deserialize)]

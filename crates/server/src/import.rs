@@ -99,6 +99,7 @@ fn import(
         ground.notice(now, EventLevel::Caution, "server", &text);
     }
     app.reconstructions.stand_on(version.map.clone());
+    app.overlays.clear();
     app.store.put(version);
     ground.publish(now, channel::TERRAIN, &notice);
     ground.notice(now, EventLevel::Info, who, &text);

@@ -12,6 +12,7 @@ pub mod body;
 pub mod cli;
 mod compare;
 pub mod config;
+pub mod drape;
 pub mod error;
 mod foxglove;
 pub mod gate;

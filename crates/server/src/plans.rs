@@ -246,7 +246,7 @@ pub struct Present<'a> {
     pub robot: &'a Robot,
     /// Version stamp of the live robot.
     pub model_hash: &'a str,
-    /// The map in use.
+    /// The map in use, or the one that it differs from by contacts of wheels alone.
     pub terrain_version: &'a str,
     /// The last frame.
     pub frame: &'a RoverTelemetry,

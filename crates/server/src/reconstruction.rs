@@ -14,6 +14,7 @@
 //! blended map.
 
 mod blend;
+pub mod contact;
 pub mod hidden;
 mod pair;
 pub mod pictures;
@@ -42,6 +43,7 @@ use wire::reconstruction::{
 };
 
 use crate::app::AppState;
+use crate::drape::Shots;
 use crate::error::ApiError;
 use crate::jobs::JobHandle;
 use crate::stop::Stop;
@@ -84,6 +86,8 @@ struct Kept {
     blended: Option<Blended>,
     /// The same of versions that can be put in use again, newest last.
     states: VecDeque<(String, Blended)>,
+    /// Versions that differ from another by contacts of wheels alone, and that other.
+    touched: VecDeque<(String, String)>,
     answers: VecDeque<ReconstructionAnswer>,
     pictures: Pictures,
 }
@@ -96,6 +100,8 @@ struct Blended {
     next_source: u32,
     /// Names of the pairs by the numbers of their maps.
     names: BTreeMap<u32, String>,
+    /// Their left images, for textures.
+    shots: Shots,
     /// What is told of them.
     captures: Vec<VersionPair>,
     /// Fits that were found, of pairs whose fit was undone once.
@@ -104,6 +110,8 @@ struct Blended {
     keep_prior: bool,
     /// The version that it stands for, or goes on from.
     from: Option<String>,
+    /// Where wheels stood that it was told of (m).
+    stood: Vec<Point3<f64>>,
 }
 
 impl Reconstructions {
@@ -115,6 +123,7 @@ impl Reconstructions {
             n_begun: 0,
             blended: None,
             states: VecDeque::new(),
+            touched: VecDeque::new(),
             answers: VecDeque::new(),
             pictures: Pictures::default(),
         };
@@ -126,6 +135,7 @@ impl Reconstructions {
         let mut kept = self.locked();
         (kept.ground, kept.blended) = (ground, None);
         kept.states.clear();
+        kept.touched.clear();
         kept.n_grounds += 1;
     }
 
@@ -254,10 +264,12 @@ impl Blended {
             has_prior: false,
             next_source: 0,
             names: BTreeMap::new(),
+            shots: Shots::default(),
             captures: Vec::new(),
             found: BTreeMap::new(),
             keep_prior: true,
             from: None,
+            stood: Vec::new(),
         })
     }
 }
@@ -306,7 +318,7 @@ fn reconstruct(
     };
     let site = blend::Site { robot: &work.robot, rig: &work.rig, ground: &work.ground };
     let made = blend::blend(&mut blended, &site, &step, &sources, job.stop(), &mut tell)?;
-    let blend::Blend { before, pairs, pictures } = made;
+    let blend::Blend { before, pairs, pictures, sag } = made;
     let capture_time = sources.iter().map(PairSource::time).max().unwrap_or(latest.onboard_time);
     if pairs.iter().all(|pair| pair.cells == 0) {
         let message = "none of the pairs saw ground well enough: choose others, or a larger scale";
@@ -338,18 +350,23 @@ fn reconstruct(
         keep_prior: work.keep_prior,
         pairs,
         failed,
+        hip_turns_rad: sag,
         changed_cells: changes.cells,
         changed_m2: area(changes.cells),
         new_cells: changes.appeared,
         new_m2: area(changes.appeared),
         lost_cells: changes.vanished,
     };
-    let text = format!(
+    let mut text = format!(
         "new map: {}; {:.1} m² changed, {:.1} m² seen for the first time",
         version.info.source, answer.changed_m2, answer.new_m2
     );
+    for (leg, turn) in &answer.hip_turns_rad {
+        text += &format!("; {leg} hangs {:.1}° from where it is reported", turn.to_degrees());
+    }
     let step = MapStep::Seen(step);
-    versions::put(app, who, version, work.n_grounds, &text, (Some(blended), step))?;
+    let of = versions::InUse { n_grounds: work.n_grounds, version: None };
+    versions::put(app, who, version, &of, &text, (Some(blended), step))?;
     let mut kept = app.reconstructions.locked();
     kept.answers.push_back(answer);
     while kept.answers.len() > ANSWERS_MAX {

@@ -1,5 +1,6 @@
 //! Replays of logs: each is advanced by a task of its own and heard by any number of listeners.
 
+mod margins;
 mod opening;
 
 use std::collections::BTreeMap;
@@ -21,7 +22,7 @@ const CAPACITY: usize = 4096;
 /// Longest time between two looks at a replay (s).
 const STEP_S: f64 = 0.1;
 /// Shortest (s).
-const SHORTEST_S: f64 = 0.005;
+const SHORTEST_S: f64 = 0.002;
 /// The state of a replay is told this often (s).
 const TELL_S: f64 = 1.0;
 

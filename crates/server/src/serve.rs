@@ -34,13 +34,14 @@ use wire::scene::Scene as WireScene;
 use crate::analyses::Site;
 use crate::app::{App, AppState};
 use crate::config::Config;
+use crate::drape::Overlays;
 use crate::gate::Gate;
 use crate::imaging;
 use crate::jobs::Jobs;
 use crate::live::{Live, LiveParts, derive_for, hash_text};
 use crate::live_reach::{self, LiveReach};
 use crate::plans::{Plans, Postures};
-use crate::reconstruction::Reconstructions;
+use crate::reconstruction::{Reconstructions, contact};
 use crate::replays::Replays;
 use crate::robots::Robots;
 use crate::scene::Context;
@@ -122,6 +123,7 @@ pub struct Server {
     pub app: AppState,
     driver: tokio::task::JoinHandle<()>,
     reach: tokio::task::JoinHandle<()>,
+    contacts: tokio::task::JoinHandle<()>,
     /// Dials a rover that is a process of its own.
     dialer: Option<tokio::task::JoinHandle<()>>,
     closing: watch::Sender<bool>,
@@ -160,13 +162,9 @@ impl Server {
         let map = first_map(&config, root)?;
         let limits = config.traversability.limits();
         let footprint_m = config.traversability.footprint_m;
-        let store = Arc::new(TerrainStore::new(
-            map.clone(),
-            now,
-            footprint_m,
-            limits,
-            config.server.terrain_versions_max,
-        ));
+        let n_versions = config.server.terrain_versions_max;
+        let store = TerrainStore::new(map.clone(), now, footprint_m, limits, n_versions);
+        let store = Arc::new(store.doubting(config.traversability.doubt_sigmas));
         if let Err(error) = store.current().layers() {
             tracing::warn!("{error}");
         }
@@ -198,12 +196,14 @@ impl Server {
             store,
             live,
             reconstructions: Reconstructions::new(map),
+            overlays: Overlays::default(),
             reach: LiveReach::default(),
             jobs,
             closing: closed,
         });
         let reach = tokio::spawn(live_reach::run(app.clone()));
-        Ok(Server { app, driver, reach, dialer, closing })
+        let contacts = tokio::spawn(contact::run(app.clone()));
+        Ok(Server { app, driver, reach, contacts, dialer, closing })
     }
 
     /// Serves until `end` completes; then lets go of everybody and finishes the flight log.
@@ -228,6 +228,7 @@ impl Server {
     pub async fn finish(self) {
         self.driver.abort();
         self.reach.abort();
+        self.contacts.abort();
         if let Some(dialer) = &self.dialer {
             dialer.abort();
         }
@@ -337,6 +338,12 @@ fn live(
     ground.publish(now, channel::TERRAIN, &notice);
     let text = format!("session begins on {}; {where_it_is}", notice.source);
     ground.notice(now, EventLevel::Info, "server", &text);
+    if let Some(version) = earlier.seen_map {
+        let text = format!(
+            "the session before ended on the map {version}, which cameras had made; it and its images are not read              back: ask the pairs again. Its log has them (footfall log rebuild)"
+        );
+        ground.notice(now, EventLevel::Caution, "server", &text);
+    }
     let payloads = config.rover.payloads();
     let live = Live::new(LiveParts { ground, clock, robot, rig, payloads, gravity, friction });
     Ok((live, dialer))

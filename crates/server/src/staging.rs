@@ -1,5 +1,6 @@
 //! From a request to a command that may be staged: of a plan, or by hand.
 
+mod dry_run;
 mod operations;
 mod preconditions;
 
@@ -19,6 +20,9 @@ use crate::error::ApiError;
 use crate::imaging;
 use crate::live::hash_text;
 use crate::plans::{BASIS_JOINT_RAD, Present, StoredPlan, When};
+use crate::reconstruction::contact;
+
+pub use dry_run::dry_run;
 
 /// Most knots of a path by hand.
 const KNOTS_MAX: usize = 10_000;
@@ -66,10 +70,14 @@ pub fn stale(
     let latest = app.live.latest()?;
     let robot = app.live.robot();
     let version = app.store.current();
+    // What only standing wheels were told to is as good a map for a plan as the one that it was made on.
+    let of_plan = &plan.answer.basis.terrain_version;
+    let in_use = &version.info.version;
+    let terrain_version = if contact::holds_over(app, of_plan, in_use) { of_plan } else { in_use };
     let present = Present {
         robot,
         model_hash: &hash_text(robot.hash()),
-        terrain_version: &version.info.version,
+        terrain_version,
         frame: &latest.frame,
     };
     Ok(plan.stale(&present, of, when))
@@ -137,26 +145,26 @@ fn by_hand(
     }
     let (title, duration_s) = match body {
         // Images are not by way of the legs.
-        CommandBody::Stop {} | CommandBody::Image(_) => ("Stop".to_owned(), 0.0),
+        CommandBody::Stop {} | CommandBody::Image(_) => (operations::title(body), 0.0),
         CommandBody::JointPath { leg, knots } => {
             let id = convert::leg(&at.field("leg"), robot, leg)?;
             let path = joint_path(&at.field("knots"), robot, id, &now, knots)?;
             let pieces = pieces(&path, knots.iter().map(|knot| knot.time_s));
-            (format!("Move {leg} through {} knots", knots.len()), duration_s(robot, pieces))
+            (operations::title(body), duration_s(robot, pieces))
         }
         CommandBody::BodyPath { knots, .. } => {
             let standing = latest.frame.contacts.iter().filter(|(_, stands)| **stands);
             let standing: Vec<&str> = standing.map(|(leg, _)| leg.as_str()).collect();
             let at = at.field("knots");
             let duration_s = body_path(&at, robot, &now, &standing, knots)?;
-            (format!("Shift the body through {} knots", knots.len()), duration_s)
+            (operations::title(body), duration_s)
         }
         CommandBody::WheelLine { leg, position_m } => {
             let id = convert::leg(&at.field("leg"), robot, leg)?;
             let goal = check::position(&at.field("position_m"), *position_m)?;
             let path = wheel_line(&at.field("position_m"), robot, id, &now, goal.into())?;
             let pieces = pieces(&path, path.iter().map(|_| 0.0));
-            (format!("Move the wheel of {leg} straight"), duration_s(robot, pieces))
+            (operations::title(body), duration_s(robot, pieces))
         }
         other => operations::checked(app, &at, &latest.frame, &now, other)?,
     };

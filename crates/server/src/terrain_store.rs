@@ -6,21 +6,29 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use geometry::Raster;
 use nalgebra::Point2;
+use rover::Robot;
+use stereo::rig::Rig;
 use terrain::formats::mesh::{self, HeightMesh};
 use terrain::traversability::{self, Layers, Limits};
 use terrain::{ElevationMap, SourceKind, TerrainError};
 use wire::check::{At, RequestError};
-use wire::resources::{CellAnswer, CellComponent, TerrainVersion, TerrainVersions};
+use wire::resources::{CellAnswer, CellComponent, CellDoubt, TerrainVersion, TerrainVersions};
 use wire::tile::{Format, Header, TILE_CELLS};
 use wire::time::Timestamp;
 
 pub use seen::{SEEN_LAYERS, SeenBy};
 
+use crate::drape::{PlacedShot, Texture};
+use crate::error::ApiError;
+use crate::stop::Stop;
 use crate::terrains::{SERVED_NODES_MAX, terrain_error};
 
 /// The layers that tiles are made of: the heights, and those of traversability.
 pub const LAYERS: [&str; 7] =
     ["height", "slope", "roughness", "step", "goodness", "certainty", "class"];
+
+/// Standard deviations of doubt where the configuration says nothing.
+const DOUBT_SIGMAS: f64 = 0.5;
 
 /// A version of the map with what is computed from it.
 pub struct Version {
@@ -32,12 +40,19 @@ pub struct Version {
     limits: Limits,
     layers: Result<Layers, TerrainError>,
     seen: Option<seen::Seen>,
+    /// How far each node is to be trusted, where cameras saw the map.
+    trust: Option<Raster<f32>>,
+    /// Standard deviations of doubt in what cameras saw.
+    doubt_sigmas: f64,
+    shots: Vec<PlacedShot>,
+    texture: Mutex<Option<Arc<Texture>>>,
 }
 
 /// The versions that are kept.
 pub struct TerrainStore {
     footprint_m: f64,
     limits: Limits,
+    doubt_sigmas: f64,
     most: usize,
     /// Newest first; the first is in use. Never empty.
     versions: Mutex<Vec<Arc<Version>>>,
@@ -53,29 +68,32 @@ impl TerrainStore {
         limits: Limits,
         most: usize,
     ) -> TerrainStore {
-        let first = Version::new(map, now, footprint_m, limits);
+        let first = Version::new(map, now, footprint_m, limits, None);
         TerrainStore {
             footprint_m,
             limits,
+            doubt_sigmas: DOUBT_SIGMAS,
             most: most.max(1),
             versions: Mutex::new(vec![Arc::new(first)]),
         }
     }
 
+    /// The same, with so many standard deviations of doubt in what cameras saw.
+    pub fn doubting(self, doubt_sigmas: f64) -> TerrainStore {
+        TerrainStore { doubt_sigmas, ..self }
+    }
+
     /// Judges a map, to be put in use.
     pub fn prepare(&self, map: ElevationMap, now: Timestamp) -> Arc<Version> {
-        Arc::new(Version::new(map, now, self.footprint_m, self.limits))
+        Arc::new(Version::new(map, now, self.footprint_m, self.limits, None))
     }
 
     /// Judges a map that cameras saw, to be put in use.
     pub fn prepare_seen(&self, map: ElevationMap, now: Timestamp, seen: SeenBy) -> Arc<Version> {
-        let mut version = Version::new(map, now, self.footprint_m, self.limits);
-        let by = seen::Seen::new(&seen);
-        version.info.layers.extend(SEEN_LAYERS.map(String::from));
-        version.info.sources = by.labels().to_vec();
-        version.info.captured = by.newest();
+        let by = Some((seen::Seen::new(&seen), self.doubt_sigmas));
+        let mut version = Version::new(map, now, self.footprint_m, self.limits, by);
         (version.info.pairs, version.info.changes) = (seen.captures, seen.changes);
-        version.seen = Some(by);
+        version.shots = seen.shots;
         Arc::new(version)
     }
 
@@ -118,15 +136,27 @@ impl TerrainStore {
 }
 
 /// Traversability of a whole map, unless it would take too many cells.
-fn judge(map: &ElevationMap, footprint_m: f64, limits: &Limits) -> Result<Layers, TerrainError> {
+fn judge(
+    map: &ElevationMap,
+    seen: Option<(&seen::Seen, &Raster<f32>, f64)>,
+    footprint_m: f64,
+    limits: &Limits,
+) -> Result<Layers, TerrainError> {
     // Cells coarser than a ninth of the foot are resampled.
     let finer = (9.0 * map.grid().resolution / footprint_m).max(1.0);
     let n_nodes = map.grid().len() as f64 * finer * finer;
-    if n_nodes > SERVED_NODES_MAX as f64 {
+    // A foot of no width is refused by its name further on.
+    if footprint_m > 0.0 && n_nodes > SERVED_NODES_MAX as f64 {
         let (n_nodes, max_nodes) = (n_nodes as u64, SERVED_NODES_MAX as u64);
         return Err(TerrainError::TooManyNodes { n_nodes, max_nodes });
     }
-    traversability::traversability(map, footprint_m, limits)
+    let Some((seen, trust, sigmas)) = seen else {
+        return traversability::traversability(map, footprint_m, limits);
+    };
+    let layers = traversability::trusted_traversability(map, trust, footprint_m, limits)?;
+    let grid = *layers.class.grid();
+    let doubt = Raster::from_fn(grid, |ix, iy| seen.doubt_m(grid.position(ix, iy)));
+    layers.with_doubt(&doubt, sigmas)
 }
 
 /// Tiles along an axis of so many nodes.
@@ -145,7 +175,13 @@ pub fn version_name(map: &ElevationMap) -> String {
 }
 
 impl Version {
-    fn new(map: ElevationMap, now: Timestamp, footprint_m: f64, limits: Limits) -> Version {
+    fn new(
+        map: ElevationMap,
+        now: Timestamp,
+        footprint_m: f64,
+        limits: Limits,
+        seen: Option<(seen::Seen, f64)>,
+    ) -> Version {
         let grid = *map.grid();
         let known = map.heights().values().iter().filter(|z| !z.is_nan());
         let (mut low, mut high, mut n_known) = (f32::INFINITY, f32::NEG_INFINITY, 0_usize);
@@ -153,7 +189,9 @@ impl Version {
             (low, high, n_known) = (low.min(*z), high.max(*z), n_known + 1);
         }
         let z_range_m = if n_known == 0 { [0.0; 2] } else { [low.into(), high.into()] };
-        let layers = judge(&map, footprint_m, &limits);
+        let trust = seen.as_ref().map(|(seen, _)| seen.trust(&map));
+        let by = seen.as_ref().zip(trust.as_ref()).map(|((seen, k), trust)| (seen, trust, *k));
+        let layers = judge(&map, by, footprint_m, &limits);
         let info = TerrainVersion {
             version: version_name(&map),
             source: source_text(&map),
@@ -169,14 +207,36 @@ impl Version {
             zooms: n_zooms(grid.nx.max(grid.ny)),
             layers: if layers.is_ok() { &LAYERS[..] } else { &LAYERS[..1] }
                 .iter()
+                .chain(seen.iter().flat_map(|_| &SEEN_LAYERS))
                 .map(|name| (*name).to_owned())
                 .collect(),
             changes: None,
             pairs: Vec::new(),
-            sources: Vec::new(),
-            captured: None,
+            sources: seen.as_ref().map_or(Vec::new(), |(seen, _)| seen.labels().to_vec()),
+            captured: seen.as_ref().and_then(|(seen, _)| seen.newest()),
         };
-        Version { info, map, footprint_m, limits, layers, seen: None }
+        let doubt_sigmas = seen.as_ref().map_or(0.0, |(_, sigmas)| *sigmas);
+        let seen = seen.map(|(seen, _)| seen);
+        let (shots, texture) = (Vec::new(), Mutex::default());
+        Version {
+            info,
+            map,
+            footprint_m,
+            limits,
+            layers,
+            seen,
+            trust,
+            doubt_sigmas,
+            shots,
+            texture,
+        }
+    }
+
+    /// Traversability of the whole map for another foot or by other limits, with the same trust and doubt.
+    pub fn judged(&self, footprint_m: f64, limits: &Limits) -> Result<Layers, TerrainError> {
+        let by = self.seen.as_ref().zip(self.trust.as_ref());
+        let by = by.map(|(seen, trust)| (seen, trust, self.doubt_sigmas));
+        judge(&self.map, by, footprint_m, limits)
     }
 
     /// Traversability of the whole map, or why there is none.
@@ -279,13 +339,19 @@ impl Version {
         Ok(Some(bytes))
     }
 
-    /// Everything known of the cell at a place.
+    /// Everything known of the cell at a place; its class is that of the layers.
     pub fn cell(&self, x_m: f64, y_m: f64) -> CellAnswer {
         let p = Point2::new(x_m, y_m);
+        let (trust, foot, limits) = (self.trust.as_ref(), self.footprint_m, &self.limits);
         // Where the map is too coarse for the foot there is only its height to tell.
-        let cell = traversability::explain_cell(&self.map, p, self.footprint_m, &self.limits)
-            .unwrap_or(None);
+        let cell =
+            traversability::explain_trusted_cell(&self.map, trust, p, foot, limits).unwrap_or(None);
         let height_m = self.map.height_at(p);
+        let doubted = self.seen.as_ref().zip(cell.as_ref()).and_then(|(seen, cell)| {
+            let sigma_m = f64::from(seen.doubt_m(cell.position));
+            cell.doubted(sigma_m, self.doubt_sigmas).unwrap_or(None)
+        });
+        let plain = cell.as_ref().map_or(traversability::UNKNOWN, |c| c.class);
         CellAnswer {
             position_m: [x_m, y_m],
             height_m,
@@ -295,11 +361,28 @@ impl Version {
             step_m: cell.as_ref().and_then(|c| c.step_m),
             goodness: cell.as_ref().and_then(|c| c.goodness),
             certainty: cell.as_ref().map(|c| c.certainty),
-            class: cell.as_ref().map_or(traversability::UNKNOWN, |c| c.class),
+            class: doubted.map_or(plain, |(class, _)| class),
+            doubt: doubted.filter(|_| plain != traversability::UNKNOWN).map(|(_, d)| doubt(&d)),
             known_share: cell.as_ref().map(|c| c.known_share),
             seen: height_m.and_then(|_| self.seen.as_ref()?.at(p)),
             components: cell.iter().flat_map(|c| c.components()).map(component).collect(),
         }
+    }
+
+    /// The texture of the images that it is made of, made now where it was not before.
+    pub fn texture(&self, robot: &Robot, rig: &Rig, stop: &Stop) -> Result<Arc<Texture>, ApiError> {
+        // Whoever asks meanwhile waits for the same one.
+        let mut kept = self.texture.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(texture) = &*kept {
+            return Ok(texture.clone());
+        }
+        let made = Texture::new(&self.map, &self.shots, robot, rig, stop)?.ok_or_else(|| {
+            let message = "no image of a camera lies over this map: make one of stereo pairs";
+            ApiError::new("texture_none", message)
+        })?;
+        let made = Arc::new(made);
+        *kept = Some(made.clone());
+        Ok(made)
     }
 
     /// The map as a file: GeoTIFF of the heights and, where they lie on the same grid, the layers of
@@ -321,6 +404,10 @@ pub enum ExportFormat {
     Obj,
     /// Binary PLY of the surface.
     Ply,
+    /// GeoTIFF of the classes of traversability, with a color for each.
+    Classes,
+    /// GeoTIFF of the texture of camera images.
+    Texture,
 }
 
 impl ExportFormat {
@@ -340,9 +427,14 @@ impl ExportFormat {
             ExportFormat::Tif => ("tif", "image/tiff"),
             ExportFormat::Obj => ("obj", "model/obj"),
             ExportFormat::Ply => ("ply", "application/octet-stream"),
+            ExportFormat::Classes => ("classes.tif", "image/tiff"),
+            ExportFormat::Texture => ("texture.tif", "image/tiff"),
         }
     }
 }
+
+/// Colors of the classes of traversability: unknown, unsafe, caution, safe.
+const CLASS_COLORS: [[u8; 3]; 4] = [[0, 0, 0], [200, 66, 52], [217, 178, 74], [79, 174, 138]];
 
 /// A map as a file, with the layers of traversability in a GeoTIFF where they lie on its grid.
 pub fn export(
@@ -352,6 +444,13 @@ pub fn export(
     error_m: f64,
 ) -> Result<Vec<u8>, RequestError> {
     let refuse = |field, error: TerrainError| terrain_error(&At::root(field), &error);
+    if format == ExportFormat::Classes {
+        let classes = layers.map(|layers| &layers.class).ok_or_else(|| {
+            RequestError::at("not_ready", &At::root("format"), "is of a map without traversability")
+        })?;
+        return terrain::formats::geotiff::write_classes(classes, "class", &CLASS_COLORS)
+            .map_err(|error| refuse("version", error));
+    }
     if format == ExportFormat::Tif {
         let layers = layers.filter(|layers| layers.class.grid() == map.grid());
         let class = layers.map(|layers| {
@@ -386,6 +485,17 @@ pub fn export(
         ExportFormat::Obj => mesh::write_obj(&mesh, &comments),
         _ => terrain::formats::ply::write(&mesh, &comments),
     })
+}
+
+fn doubt(d: &traversability::Doubt) -> CellDoubt {
+    let known = |v: f64| Some(v).filter(|v| !v.is_nan());
+    CellDoubt {
+        sigmas: d.sigmas,
+        sigma_m: known(d.sigma_m),
+        step_m: known(d.step_m),
+        slope_rad: known(d.slope_rad),
+        class_as_seen: d.class_as_seen,
+    }
 }
 
 fn component(c: traversability::Component) -> CellComponent {

@@ -283,6 +283,7 @@ impl Cameras {
         let task = Task {
             capture: order.id.clone(),
             pairs,
+            rig: self.rig.clone(),
             robot: robot.clone(),
             map: map.clone(),
             posture: Posture::new(robot, actual),

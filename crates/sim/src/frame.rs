@@ -30,8 +30,8 @@ pub struct Frame {
     /// The wheel's point that is nearest to the ground; of a standing wheel the middle of its
     /// contact, in `world` (m).
     pub contact_points: Vec<Point3<f64>>,
-    /// Force of the ground on the wheel, in `world` (N): the share of equal springs over the wheels
-    /// that stand, more for one that is pressed deeper into the ground than the others; zero for
+    /// Force of the ground on the wheel, in `world` (N): the share of springs of each leg's own stiffness
+    /// over the wheels that stand, more for one that is pressed deeper into the ground than the others; zero for
     /// wheels that do not stand.
     pub wheel_forces: Vec<Vector3<f64>>,
     /// Joint torques (N m) that hold the robot under these forces, from the hip outward.

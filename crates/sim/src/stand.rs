@@ -4,7 +4,8 @@ use collision::{Scene, contact_center, wheel_ground};
 use geometry::ConvexPolygon;
 use nalgebra::{Point3, Vector3};
 use rover::{LegId, Posture, Robot};
-use stability::{spring_share_with_preload, support_polygon};
+use stability::loads::{LegSpring, compliant_share, leg_springs};
+use stability::support_polygon;
 
 use crate::command::names;
 
@@ -66,17 +67,19 @@ pub(crate) fn names_without(scene: &Scene, feet: &[Foot], leg: LegId) -> String 
 
 /// Vertical force of the ground on each wheel (N), by leg, zero for wheels that do not stand.
 ///
-/// Legs are equal vertical springs that push only. The rover in the simulation is rigid, so its
-/// wheels stand as deep in the ground as they were driven: a wheel pressed deeper than the others
-/// by d bears more by its stiffness times d, as far as the rover does not yield.
+/// Legs are vertical springs that push only, each of its own stiffness in this posture. The rover in the
+/// simulation is rigid, so its wheels stand as deep in the ground as they were driven: a wheel pressed
+/// deeper than the others by d bears more by its stiffness times d, as far as the rover does not yield.
 pub(crate) fn loads(robot: &Robot, posture: &Posture, feet: &[Foot], gravity: f64) -> Vec<f64> {
     let standing = standing(feet);
     let contacts: Vec<_> = standing.iter().map(|(_, contact)| *contact).collect();
-    let stiffness = robot.stance().leg_stiffness;
-    let preload: Vec<f64> = standing.iter().map(|(leg, _)| stiffness * feet[leg.0].depth).collect();
+    let mut springs: Vec<LegSpring> = leg_springs(robot, posture, &standing);
+    for (spring, (leg, _)) in springs.iter_mut().zip(&standing) {
+        spring.pressed_m = feet[leg.0].depth;
+    }
     let com = posture.center_of_mass(robot);
     let weight = robot.mass() * gravity;
-    let shares = spring_share_with_preload(&contacts, &com, weight, &preload);
+    let shares = compliant_share(&contacts, &com, weight, &springs);
     let mut loads = vec![0.0; feet.len()];
     for ((leg, _), share) in standing.iter().zip(shares.iter().flatten()) {
         loads[leg.0] = *share;

@@ -3,6 +3,7 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::Point3;
 use rover::StanceRules;
+use stability::loads::{LegSpring, SpringError, StanceSprings};
 use stability::{Preference, StanceGuard, loads, settlement, support_polygon};
 
 /// Six contacts near the corners of a hexagon of 2.2 m radius, on uneven ground.
@@ -43,6 +44,17 @@ fn benches(c: &mut Criterion) {
     });
     c.bench_function("stability/spring loads of 6 contacts", |b| {
         b.iter(|| loads::spring_share(&contacts, &com, 1000.0));
+    });
+    let springs: Vec<LegSpring> = (0..6_u32)
+        .map(|i| LegSpring { stiffness_n_m: 12_000.0 + 900.0 * f64::from(i), pressed_m: 0.0 })
+        .collect();
+    let error = SpringError { stiffness: 0.2, height_m: 0.003 };
+    c.bench_function("stability/loads of 6 contacts with all errors, from the start", |b| {
+        b.iter(|| loads::load_band(&contacts, &com, 1000.0, &springs, &error));
+    });
+    let springs = StanceSprings::new(&contacts, 1000.0, &springs, &error);
+    c.bench_function("stability/the same prepared, one center of mass", |b| {
+        b.iter(|| springs.as_ref().map(|s| s.band(std::hint::black_box(&com))));
     });
 }
 

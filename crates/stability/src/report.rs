@@ -1,18 +1,14 @@
 //! What friction, joint torques and energy say of one posture, beside the polygons of [`crate::rule`].
 
 use nalgebra::{Point3, Vector3};
-use rover::{LegId, Posture, Robot, vertical_stiffness};
+use rover::{LegId, Posture, Robot};
 
 use crate::contact::{self, ConeModel, Contact, ContactError};
 use crate::contact_forces::{self, LeastTorque, LegStatics};
 use crate::energy::{self, EnergyMargin};
 use crate::force_region::{self, Emptiness, ForceRegion, ForceSet};
-use crate::loads::{self, LegSpring, LoadBand, SpringError};
+use crate::loads::{LoadBand, StanceSprings};
 use crate::{support_polygon::SupportError, torque};
-
-/// How well the height of a touch-down is known where the robot does not say it, as a share of the
-/// deflection of a leg under its part of the weight.
-const HEIGHT_ERROR: f64 = 0.2;
 
 /// Friction, forces, torques and energy of one posture. All lists go by the legs that stand, in the
 /// order given.
@@ -51,9 +47,9 @@ impl ForceReport {
     /// Whether no joint is loaded beyond its limit: neither by the best forces nor by those of the
     /// compliant rover, whatever in its band they are, nor in a leg that is lifted.
     pub fn is_torque_safe(&self) -> bool {
-        let best = self.least_torque.as_ref().is_some_and(|t| t.ratio < 1.0);
-        let compliant = self.load_torque.is_some_and(|(ratio, _)| ratio < 1.0);
-        best && compliant && self.lifted_torque < 1.0
+        let best = self.least_torque.as_ref().is_some_and(|t| !torque::is_beyond(t.ratio));
+        let compliant = self.load_torque.is_some_and(|(ratio, _)| !torque::is_beyond(ratio));
+        best && compliant && !torque::is_beyond(self.lifted_torque)
     }
 }
 
@@ -73,18 +69,10 @@ pub fn forces(
         .map(|(leg, c)| LegStatics::new(robot, posture, *leg, &c.position, gravity))
         .collect();
     let cones = force_region::cones(&contacts, cone)?;
-    let spring = |(leg, c): &(LegId, Contact)| LegSpring {
-        stiffness_n_m: vertical_stiffness(robot, posture, *leg, &c.position),
-        pressed_m: 0.0,
-    };
-    let springs: Vec<LegSpring> = standing.iter().map(spring).collect();
-    let deflection = weight / springs.iter().map(|s| s.stiffness_n_m).sum::<f64>();
-    let compliance = robot.compliance();
-    let error = SpringError {
-        stiffness: compliance.stiffness_error,
-        height_m: compliance.touchdown_error.unwrap_or(HEIGHT_ERROR * deflection),
-    };
-    let load_band = loads::load_band(&points, &com, weight, &springs, &error);
+    let feet: Vec<(LegId, Point3<f64>)> =
+        standing.iter().map(|(leg, c)| (*leg, c.position)).collect();
+    let springs = StanceSprings::of(robot, posture, &feet, gravity);
+    let load_band = springs.and_then(|springs| springs.band(&com));
     let lifted = robot.leg_ids().filter(|leg| standing.iter().all(|(other, _)| other != leg));
     let hanging = torque::ratios(robot, posture, &[], gravity).ratios;
     Ok(ForceReport {

@@ -8,14 +8,15 @@
 //! `world` with z up is the gravity frame. Meters and newtons.
 
 use geometry::{ConvexPolygon, ConvexRegion};
-use nalgebra::{Point3, Vector3};
-use rover::{LegId, Posture, Robot, StanceRules, Wrench};
+use nalgebra::Point3;
+use rover::{LegId, Posture, Robot, StanceRules};
 
 use crate::contact::{ConeModel, Contact, ContactError};
 use crate::force_region::{self, Emptiness, ForceRegion};
+use crate::loads::{LoadBand, StanceSprings};
 use crate::support_polygon::{self, Margin, SupportError};
-use crate::torque::{self, TorqueReport};
-use crate::{loads, settlement};
+use crate::torque::TorqueReport;
+use crate::{safety, settlement};
 
 /// Which loss of support the operator asks the rover to survive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -78,11 +79,11 @@ pub struct StanceReport {
     pub friction: Option<ForceRegion>,
     /// The worst settlement of one foot by the robot's s; `None` if there is no regular polygon.
     pub settlement: Option<LegSettlement>,
-    /// Vertical force on each standing wheel (N), legs as equal springs; `None` if the center of
-    /// mass is outside the regular polygon.
-    pub loads_n: Option<Vec<f64>>,
-    /// Joint torques under these loads. Without loads no wheel bears anything: then the ratios are
-    /// those of a robot that hangs on its base.
+    /// Vertical force on each standing wheel, legs as springs of their own stiffness; `None` if the
+    /// center of mass is outside the regular polygon.
+    pub loads: Option<LoadBand>,
+    /// Joint torques within these loads: a stance is torque-safe if the worst is not overloaded. Without
+    /// loads no wheel bears anything: then the ratios are those of a robot that hangs on its base.
     pub torque: TorqueReport,
 }
 
@@ -110,15 +111,9 @@ pub fn assess(
     });
     let settlement = settlement::worst(&contacts, &com, robot.stance().settlement)
         .map(|worst| LegSettlement { leg: legs[worst.contact], margin_m: worst.margin_m });
-    let loads_n = loads::spring_share(&contacts, &com, robot.mass() * gravity);
-    let wrenches: Vec<(LegId, Wrench)> = standing
-        .iter()
-        .zip(loads_n.iter().flatten())
-        .map(|((leg, point), load)| {
-            (*leg, Wrench { point: *point, force: Vector3::new(0.0, 0.0, *load) })
-        })
-        .collect();
-    let torque = torque::ratios(robot, posture, &wrenches, gravity);
+    let springs = StanceSprings::of(robot, posture, standing, gravity);
+    let (loads, torque) =
+        safety::compliant(robot, posture, &com, standing, springs.as_ref(), gravity);
     StanceReport {
         standing: legs,
         contacts,
@@ -127,12 +122,13 @@ pub fn assess(
         conservative,
         friction: None,
         settlement,
-        loads_n,
+        loads,
         torque,
     }
 }
 
-/// As [`assess`], with the region that these contacts' friction holds.
+/// As [`assess`], with the region that these contacts' friction holds. Where a foot stands too steep for
+/// friction to hold a vertical load, the worst joint is that of the best forces, if it is loaded more.
 ///
 /// Errors: contacts that cannot be worked with, see [`ContactError`].
 pub fn assess_with_friction(
@@ -145,7 +141,10 @@ pub fn assess_with_friction(
     let points: Vec<_> = standing.iter().map(|(leg, c)| (*leg, c.position)).collect();
     let contacts: Vec<Contact> = standing.iter().map(|(_, c)| *c).collect();
     let friction = force_region::region(&force_region::cones(&contacts, cone)?, 1.0)?;
-    Ok(StanceReport { friction: Some(friction), ..assess(robot, posture, &points, gravity) })
+    let report = assess(robot, posture, &points, gravity);
+    let best = safety::worst_by_best_forces(robot, posture, &report.com, standing, gravity, cone);
+    let torque = report.torque.or_worse(best);
+    Ok(StanceReport { friction: Some(friction), torque, ..report })
 }
 
 /// The parts of the margin rule, in the order in which they are asked.

@@ -3,7 +3,10 @@
 //! The forces on the wheels are given (for instance by [`crate::loads`]); no internal forces are
 //! chosen to favor a joint.
 
+use nalgebra::{Point3, Vector3};
 use rover::{LegAngles, LegId, Posture, Robot, Wrench, hold_torques};
+
+use crate::loads::LoadBand;
 
 /// Joint torques of a posture against their limits.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,6 +29,27 @@ pub struct WorstJoint {
     pub ratio: f64,
 }
 
+impl TorqueReport {
+    /// The same with another worst joint, if that is loaded more.
+    #[must_use]
+    pub fn or_worse(self, other: Option<WorstJoint>) -> TorqueReport {
+        let worse = other.filter(|other| other.ratio.abs() > self.worst.ratio.abs());
+        TorqueReport { worst: worse.unwrap_or(self.worst), ..self }
+    }
+}
+
+impl WorstJoint {
+    /// Is it loaded beyond its limit? What is not a number counts as beyond.
+    pub fn is_overloaded(&self) -> bool {
+        is_beyond(self.ratio)
+    }
+}
+
+/// Is a share of a torque limit beyond it?
+pub(crate) fn is_beyond(ratio: f64) -> bool {
+    ratio.is_nan() || ratio.abs() > 1.0
+}
+
 /// The torques that hold `posture` under `gravity` (m/s², along -z of `world`) with these forces
 /// of the ground on the wheels (N, in `world`); a leg that is not named holds its own links only.
 pub fn ratios(
@@ -42,6 +66,41 @@ pub fn ratios(
             torques.zip_map(&robot.leg(leg).effort, share)
         })
         .collect();
+    report(robot, ratios)
+}
+
+/// The same for vertical loads that are known within a band, on these legs, each with the point where it
+/// touches the ground (`world`, m): of each joint the ratio that is farthest from zero. Without a band no
+/// wheel bears anything.
+pub fn ratios_within(
+    robot: &Robot,
+    posture: &Posture,
+    standing: &[(LegId, Point3<f64>)],
+    band: Option<&LoadBand>,
+    gravity: f64,
+) -> TorqueReport {
+    // Torques are linear in the load, so the ends of the band tell.
+    let farther = |a: f64, b: f64| if b.abs() > a.abs() { b } else { a };
+    let of_leg = |leg: LegId| {
+        let under = |load: Option<f64>, point: &Point3<f64>| {
+            let force = load.map(|load| Vector3::new(0.0, 0.0, load));
+            let wrench = force.map(|force| Wrench { point: *point, force });
+            let torques = hold_torques(robot, posture, leg, gravity, wrench.as_ref());
+            torques.zip_map(&robot.leg(leg).effort, share)
+        };
+        let foot = standing.iter().zip(0..).find(|((standing, _), _)| *standing == leg);
+        match foot.zip(band) {
+            Some((((_, point), i), band)) => {
+                let ends = [&band.least_n, &band.most_n].map(|loads| loads.get(i).copied());
+                under(ends[0], point).zip_map(&under(ends[1], point), farther)
+            }
+            None => under(None, &Point3::origin()),
+        }
+    };
+    report(robot, robot.leg_ids().map(of_leg).collect())
+}
+
+fn report(robot: &Robot, ratios: Vec<LegAngles>) -> TorqueReport {
     let joints = robot.leg_ids().zip(&ratios).flat_map(|(leg, ratios)| {
         ratios.iter().enumerate().map(move |(place, ratio)| WorstJoint {
             leg,

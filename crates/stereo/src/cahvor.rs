@@ -38,6 +38,8 @@ impl Cahvor {
                 StereoError::check(field, *value, [-1e7, 1e7], "finite numbers below 1e7")?;
             }
         }
+        // The lens stretches the middle of the image by 1 + R[0].
+        StereoError::check("R[0]", r[0], [-0.9, 10.0], "-0.9 to 10")?;
         let (a, o) = (unit("A", &a)?, unit("O", &o)?);
         let camera = Cahvor { size, c, a, h, v, o, r };
         let [fx, fy] = camera.focal();

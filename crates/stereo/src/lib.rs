@@ -14,6 +14,7 @@
 //! - [`rig`]: the pairs of a robot; [`coverage`]: what they would see, before they are asked.
 //! - [`sag`]: how far legs sag, by what is seen of them.
 //! - [`self_mask`]: which points are the robot itself.
+//! - [`ortho`]: images laid over the ground that they show.
 
 mod cahvor;
 pub mod calibration;
@@ -24,6 +25,7 @@ pub mod epipolar;
 mod error;
 mod image;
 pub mod matching;
+pub mod ortho;
 pub mod pair;
 mod pinhole;
 pub mod ray;

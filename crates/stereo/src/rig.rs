@@ -76,7 +76,7 @@ impl Rig {
     /// The pairs that `robot.toml` names, at the scale of the robot; none is a rig without pairs.
     pub fn from_toml(robot_toml: &str, robot: &Robot) -> Result<Rig, StereoError> {
         let parsed: File = toml::from_str(robot_toml)
-            .map_err(|e| StereoError::Toml { message: e.to_string().trim_end().to_owned() })?;
+            .map_err(|e| StereoError::Toml { message: rover::toml_message(robot_toml, &e) })?;
         if parsed.camera_pairs.len() > PAIRS_MAX {
             let n = parsed.camera_pairs.len() as f64;
             StereoError::check("camera_pairs", n, [0.0, PAIRS_MAX as f64], "at most 64 pairs")?;

@@ -266,6 +266,24 @@ pub enum TerrainError {
         /// Number of bands.
         n_bands: u32,
     },
+    /// A picture whose samples cannot be shown.
+    #[error("the GeoTIFF is no picture that can be laid over ground: {what}")]
+    PictureKind {
+        /// What it is, and what would do.
+        what: String,
+    },
+    /// A picture that lies elsewhere.
+    #[error(
+        "the picture lies from ({:.1}, {:.1}) to ({:.1}, {:.1}) m of its own coordinates, and the map from \
+         ({:.1}, {:.1}) to ({:.1}, {:.1}) m: take a picture of this ground, in the coordinates of the map's file",
+        .picture[0], .picture[1], .picture[2], .picture[3], .map[0], .map[1], .map[2], .map[3]
+    )]
+    PictureElsewhere {
+        /// Least x, y, greatest x, y of the picture (m).
+        picture: [f64; 4],
+        /// The same of the map.
+        map: [f64; 4],
+    },
     /// A sample type we do not read as heights.
     #[error(
         "geotiff samples are {sample_type}: convert the heights to float32, float64 or int16 \

@@ -8,6 +8,7 @@ pub mod mesh;
 pub mod obj;
 pub mod off;
 pub mod pds3;
+pub mod picture;
 pub mod ply;
 pub mod png_heights;
 
@@ -163,6 +164,14 @@ fn cropped(whole: ElevationMap, options: &ReadOptions) -> Result<ElevationMap, T
 /// The map of a point cloud.
 fn of_points(bytes: &[u8], options: &ReadOptions) -> Result<ElevationMap, TerrainError> {
     let points = ply::read_points(bytes, 4 * options.max_nodes)?;
+    let resolution_m = options.cell_m.unwrap_or(POINT_CELL_M);
+    // At least as many nodes as their extent has, before memory is taken for them.
+    let n_along = |axis: usize| {
+        let values = || points.iter().map(|p| p[axis]);
+        let (low, high) = (values().fold(f64::MAX, f64::min), values().fold(f64::MIN, f64::max));
+        ((high - low).max(0.0) / resolution_m).floor() + 1.0
+    };
+    TerrainError::check_nodes(n_along(0) * n_along(1), options.max_nodes)?;
     let center = points.iter().fold(Vector3::zeros(), |sum, p| sum + p.coords);
     let center = center / points.len().max(1) as f64;
     // Far points are rasterized about their middle, so that no digits are lost.
@@ -176,7 +185,6 @@ fn of_points(bytes: &[u8], options: &ReadOptions) -> Result<ElevationMap, Terrai
         tag: Tag::Terrain,
     };
     let points: Vec<_> = points.iter().map(measurement).collect();
-    let resolution_m = options.cell_m.unwrap_or(POINT_CELL_M);
     let rasterize_options = RasterizeOptions { resolution_m, ..RasterizeOptions::default() };
     let heights = rasterize(&points, &rasterize_options)?.dem.heights();
     TerrainError::check_nodes(heights.grid().len() as f64, options.max_nodes)?;

@@ -223,7 +223,8 @@ impl ElevationMap {
             (FOOTPRINT_LATTICE * FOOTPRINT_LATTICE) as f64
         } else {
             let clip = |first: f64, count: f64, n: usize| {
-                first.max(0.0) as usize..(first + count).clamp(0.0, n as f64) as usize
+                let n = n as f64;
+                first.clamp(0.0, n) as usize..(first + count).clamp(0.0, n) as usize
             };
             let (xs, heights) = (clip(x0, columns, grid.nx), self.heights().values());
             for iy in clip(y0, rows, grid.ny) {

@@ -25,6 +25,7 @@ use geometry::{Grid, Raster};
 use crate::{ElevationMap, TerrainError};
 
 pub use block::Span;
+pub use cautious::Doubt;
 pub use explain::{CellExplanation, Component, explain_cell, explain_trusted_cell};
 pub use limits::{Limits, RAMP_REASONS};
 

@@ -10,6 +10,8 @@ pub mod admin;
 pub mod analysis;
 pub mod check;
 pub mod convert;
+pub mod drape;
+pub mod dry_run;
 pub mod foxglove;
 pub mod live;
 pub mod map_version;

@@ -418,6 +418,12 @@ pub struct LinkReport {
     pub up: LinkCounters,
     /// Telemetry.
     pub down: LinkCounters,
+    /// Queues of commands in which something waits, highest class first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub up_queues: Vec<QueueFill>,
+    /// ... of telemetry.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub down_queues: Vec<QueueFill>,
     /// Is an E-stop in force as far as the ground knows?
     pub estop: EstopState,
     /// Who may command.
@@ -426,6 +432,20 @@ pub struct LinkReport {
     /// The connection to the rover, where that is a process of its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub carrier: Option<CarrierReport>,
+    /// The flight log; absent in logs that are older than this word.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flight_log: Option<FlightLogReport>,
+}
+
+/// The flight log as it is.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FlightLogReport {
+    /// Why the disk does not take everything at present: no command is staged, armed or sent then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub error: Option<String>,
+    /// Messages of this session that it lacks.
+    pub dropped: u64,
 }
 
 /// What the ground knows of the E-stop.

@@ -17,6 +17,8 @@ pub enum VersionStep {
     FitUndone,
     /// A pair was fitted to the map again.
     FitRedone,
+    /// Ground was set to where wheels stand.
+    Contact,
 }
 
 /// What differs from the version before, of the ground that was seen: the map from before does not count.

@@ -108,7 +108,7 @@ pub fn fresh(wanted: &Precondition, onboard: Timestamp, now: Timestamp) -> Resul
 }
 
 /// The value at a path of names and indices; a field that is null is none.
-fn find<'a>(message: &'a Value, field: &str) -> Option<&'a Value> {
+pub fn find<'a>(message: &'a Value, field: &str) -> Option<&'a Value> {
     let down = |value: &'a Value, name: &str| match value {
         Value::Array(items) => items.get(name.parse::<usize>().ok()?),
         _ => value.get(name),

@@ -227,6 +227,10 @@ pub struct ReconstructionAnswer {
     /// Pairs of which not all images came.
     #[serde(default)]
     pub failed: Vec<FailedPair>,
+    /// By how much hips are turned beyond what was reported, by what was seen of their legs (rad); legs that hang
+    /// as reported, or were not seen, are left out.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub hip_turns_rad: BTreeMap<String, f64>,
     /// Nodes whose content changed, and their area (m²).
     pub changed_cells: usize,
     /// Area of the nodes whose content changed (m²).
@@ -310,6 +314,30 @@ pub enum MapStep {
     },
     /// An older version was put in use again.
     Selected {},
+    /// Ground was set to where wheels stand.
+    Contact(ContactStep),
+}
+
+/// Wheels that were put down since the map was last told of them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ContactStep {
+    /// Where they stand.
+    pub wheels: Vec<StoodWheel>,
+    /// Radius of the wheels, of which a share is how far about a contact the ground is set (m).
+    pub wheel_radius_m: f64,
+    /// When, on board.
+    pub time: Timestamp,
+}
+
+/// A wheel that stands.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StoodWheel {
+    /// Its leg.
+    pub leg: String,
+    /// Where it touches the ground (m).
+    pub contact_m: [f64; 3],
 }
 
 /// Pairs that were blended in.

@@ -275,6 +275,14 @@ pub struct AuthorityRequest {
     pub take_over: bool,
 }
 
+/// `POST /authority/hand-over`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct HandOverRequest {
+    /// The operator who is to have it, by the name that goes with their requests.
+    pub to: String,
+}
+
 /// `GET /link/presets`: a link to begin with.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct LinkPreset {
@@ -444,6 +452,31 @@ pub struct ReplayState {
     pub ended: bool,
 }
 
+/// How the margins went before the place of a replay.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ReplayMargins {
+    /// Oldest first: the least of each half second on board, at most of the last five minutes.
+    pub samples: Vec<MarginsThen>,
+    /// False where the log has more of these five minutes than is read at once.
+    pub complete: bool,
+}
+
+/// Margins at a time; each absent where there was no such region, or it was not known.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct MarginsThen {
+    /// On board.
+    pub at: Timestamp,
+    /// In the regular support polygon (m).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub regular_m: Option<f64>,
+    /// In the conservative region (m).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub conservative_m: Option<f64>,
+    /// In the region that friction holds (m).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub friction_m: Option<f64>,
+}
+
 fn one() -> f64 {
     1.0
 }
@@ -574,9 +607,28 @@ pub struct CellAnswer {
     /// Slope, roughness and step with the thresholds they were held against; the least goodness
     /// decides.
     pub components: Vec<CellComponent>,
+    /// What doubt of the heights makes of it, which is in `class`; none where the class is unknown, and on maps that no
+    /// camera made.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub doubt: Option<CellDoubt>,
     /// Which pair saw it, and when; none on maps that no camera made.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seen: Option<CellSeen>,
+}
+
+/// What a cell may be, so far as its heights are not sure. Where that is not safe, neither is its class.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct CellDoubt {
+    /// Standard deviations of the height that count.
+    pub sigmas: f64,
+    /// Standard deviation of its height (m); none where it has no height, and nothing is safe.
+    pub sigma_m: Option<f64>,
+    /// Step that may be there (m).
+    pub step_m: Option<f64>,
+    /// Slope that may be there (rad).
+    pub slope_rad: Option<f64>,
+    /// The class as it looks, without doubt.
+    pub class_as_seen: u8,
 }
 
 /// One of the values that goodness is the least ramp of.

@@ -7,9 +7,10 @@ import { PROJECT } from "./files";
 
 export const BINARY = process.env.FOOTFALL_BIN ?? join(PROJECT, "target/debug/footfall");
 
-/** Starts it. */
-export function begin(args: readonly string[]): ChildProcess {
-  return spawn(BINARY, args, { stdio: ["ignore", "pipe", "pipe"] });
+/** Starts it, where given by another program, which takes it and its arguments. */
+export function begin(args: readonly string[], by: readonly string[] = []): ChildProcess {
+  const [program, ...rest] = [...by, BINARY, ...args];
+  return spawn(program!, rest, { stdio: ["ignore", "pipe", "pipe"] });
 }
 
 /** Where it says that it listens: the first match of `address`. */

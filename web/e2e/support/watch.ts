@@ -4,7 +4,7 @@ import type { Page } from "@playwright/test";
 
 /** Requests that the console itself takes back when their answer is no longer wanted. */
 const TAKEN_BACK =
-  /\/cell\?|\/analysis\/(reachability|plan|posture|stability)$|\/cameras\/coverage$|\/tiles\//;
+  /\/cell\?|\/analysis\/(reachability(\/cell)?|plan|posture|stability)$|\/cameras\/coverage$|\/tiles\//;
 
 export class Watch {
   private readonly wrong: string[] = [];

@@ -1,17 +1,20 @@
 // One function per route of the server. Errors are `ApiError` with the server's code and sentence.
 
 import type {
+  AuthorityReport,
   CamerasAnswer,
   CellAnswer,
   CellExplanation,
   CommandList,
   CommandRecord,
   CoverageAnswer,
+  DryRun,
   ErrorInfo,
   EstopAnswer,
   ImportRequest,
   JobReport,
-  LinkConfig,
+  LinkChange,
+  LinkPreset,
   LinkReport,
   LogList,
   PlanAnalysis,
@@ -24,6 +27,7 @@ import type {
   ReconstructionAnswer,
   ReconstructionRequest,
   ReplayChange,
+  ReplayMargins,
   ReplayState,
   RoverAnswer,
   Scene,
@@ -31,9 +35,12 @@ import type {
   StabilityPreference,
   StabilityRequest,
   StageRequest,
+  OverlayAnswer,
+  OverlayList,
   TerrainFiles,
   TerrainVersion,
   TerrainVersions,
+  TextureAnswer,
   Vec3,
 } from "./types";
 
@@ -132,6 +139,17 @@ export const api = {
   putTerrainFile: async (name: string, file: Blob) => {
     await send(`terrain/files/${part(name)}`, { method: "PUT", body: file });
   },
+  texture: (version: string, signal: AbortSignal) =>
+    json<TextureAnswer>("GET", `terrain/${part(version)}/texture`, undefined, signal),
+  textureTile: (version: string, x: number, y: number, signal: AbortSignal) =>
+    bytes(`terrain/${part(version)}/texture/${x}/${y}`, { signal }),
+  rasters: () => json<OverlayList>("GET", "terrain/overlays"),
+  addRaster: (file: string) => json<OverlayAnswer>("POST", "terrain/overlays", { file }),
+  removeRaster: (id: string) => json<undefined>("DELETE", `terrain/overlays/${part(id)}`),
+  rasterTile: (id: string, x: number, y: number, signal: AbortSignal) =>
+    bytes(`terrain/overlays/${part(id)}/${x}/${y}`, { signal }),
+  exportOf: (version: string, format: string, error_m: number) =>
+    `${BASE}/terrain/${part(version)}/export?format=${format}&error_m=${error_m}`,
   importTerrain: (request: ImportRequest) => json<JobReport>("POST", "terrain/imports", request),
 
   cameras: () => json<CamerasAnswer>("GET", "rover/cameras"),
@@ -205,11 +223,25 @@ export const api = {
   sendCommand: (id: string) => json<CommandRecord>("POST", `commands/${part(id)}/send`, {}),
   cancelCommand: (id: string) => json<CommandRecord>("POST", `commands/${part(id)}/cancel`, {}),
 
+  approveCommand: (id: string, content_hash: string) =>
+    json<CommandRecord>("POST", `commands/${part(id)}/approve`, { content_hash }),
+  resolveCommand: (id: string, done: boolean, why: string) =>
+    json<CommandRecord>("POST", `commands/${part(id)}/resolve`, { done, why }),
+  checkCommand: (request: StageRequest) => json<DryRun>("POST", "commands/checks", request),
+
+  acquireAuthority: (take_over: boolean) =>
+    json<AuthorityReport>("POST", "authority/acquire", { take_over }),
+  renewAuthority: () => json<AuthorityReport>("POST", "authority/renew"),
+  requestAuthority: () => json<AuthorityReport>("POST", "authority/request"),
+  handOverAuthority: (to: string) => json<AuthorityReport>("POST", "authority/hand-over", { to }),
+  releaseAuthority: () => json<AuthorityReport>("POST", "authority/release"),
+
   estop: () => json<EstopAnswer>("POST", "estop", {}),
   releaseEstop: (token?: string) =>
     json<EstopAnswer>("POST", "estop/release", token === undefined ? {} : { token }),
 
-  putLink: (config: LinkConfig) => json<LinkReport>("PUT", "link", config),
+  linkPresets: () => json<LinkPreset[]>("GET", "link/presets"),
+  putLink: (config: LinkChange) => json<LinkReport>("PUT", "link", config),
 
   logs: () => json<LogList>("GET", "logs"),
   /** A long log takes its time: it is opened by a job. */
@@ -218,5 +250,7 @@ export const api = {
   replayResult: (path: string) => json<ReplayState>("GET", path),
   changeReplay: (id: string, change: ReplayChange) =>
     json<ReplayState>("PATCH", `replays/${part(id)}`, change),
+  /** How the margins went before the place where it is. */
+  replayMargins: (id: string) => json<ReplayMargins>("GET", `replays/${part(id)}/margins`),
   endReplay: (id: string) => json<unknown>("DELETE", `replays/${part(id)}`),
 };

@@ -95,14 +95,33 @@ export type PlanCommandRef = Wire<"PlanCommandRef">;
 export type StageRequest = Wire<"StageRequest">;
 export type EstopAnswer = Wire<"EstopAnswer">;
 
+export type AuthorityReport = Wire<"AuthorityReport">;
+export type Precondition = Wire<"Precondition">;
+export type DryRun = Wire<"DryRun">;
+
+export type LinkPreset = Wire<"LinkPreset">;
+export type QueueFill = Wire<"QueueFill">;
 export type LinkConfig = Wire<"LinkConfig">;
+export type DirectionModel = NonNullable<LinkConfig["up"]>;
+/** A link that is to be set: what a direction leaves out is as usual, a direction left out stays as it is. */
+export interface LinkChange {
+  up_delay_s: number;
+  down_delay_s: number;
+  up?: Partial<DirectionModel> | null;
+  down?: Partial<DirectionModel> | null;
+}
 export type LinkCounters = Wire<"LinkCounters">;
+export type Outage = Wire<"Outage">;
 export type CarrierReport = Wire<"CarrierReport">;
 export type LinkReport = Wire<"LinkReport">;
 
 export type TerrainNotice = Wire<"TerrainNotice">;
 export type TerrainVersion = Wire<"TerrainVersion">;
 export type TerrainVersions = Wire<"TerrainVersions">;
+export type DrapeShape = Wire<"DrapeShape">;
+export type TextureAnswer = Wire<"TextureAnswer">;
+export type OverlayAnswer = Wire<"OverlayAnswer">;
+export type OverlayList = Wire<"OverlayList">;
 export type TerrainFiles = Wire<"TerrainFiles">;
 export type ImportRequest = Wire<"ImportRequest">;
 export type CellAnswer = Omit<Wire<"CellAnswer">, "position_m"> & { position_m: Vec2 };
@@ -135,6 +154,7 @@ export type LogInfo = Wire<"LogInfo">;
 export type LogList = Wire<"LogList">;
 export type ReplayState = Wire<"ReplayState">;
 export type ReplayChange = Wire<"ReplayChange">;
+export type ReplayMargins = Wire<"ReplayMargins">;
 
 export type StreamRequest = Wire<"StreamRequest">;
 type Told = Wire<"StreamFrame">;

@@ -42,6 +42,25 @@ export function isUnderWay(state: CommandState): boolean {
   return UNDER_WAY.has(state);
 }
 
+/** What to do about a command that has ended otherwise than done; null where there is nothing to say. */
+export function wayOn({ state, plan }: Pick<CommandRecord, "state" | "plan">): string | null {
+  switch (state) {
+    case "expired":
+      return plan
+        ? "It was never sent. Plan the step anew from where the rover stands."
+        : "It was never sent. Stage it again; it is checked anew.";
+    case "failed":
+    case "aborted":
+      return plan
+        ? "Look where the leg is, then plan anew or back out."
+        : "Look where the rover is, then stage it again or something else.";
+    case "overdue":
+      return "Decide by telemetry what became of it: above, under Needs you.";
+    default:
+      return null;
+  }
+}
+
 export function commandClock(command: CommandRecord, now_ms: number): CommandClock {
   const clock: CommandClock = {
     word: COMMAND_WORDS[command.state],

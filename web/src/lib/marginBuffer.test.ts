@@ -3,6 +3,7 @@ import { describe, expect, it } from "vitest";
 import {
   axisOf,
   BUCKET_MS,
+  isJump,
   type MarginBuffer,
   type MarginSample,
   NO_MARGINS,
@@ -10,6 +11,7 @@ import {
   sampleAt,
   SPAN_MS,
   spanOf,
+  withEarlier,
   withSample,
 } from "./marginBuffer";
 
@@ -19,6 +21,9 @@ const sample = (at_ms: number, regular = 1, friction = regular): MarginSample =>
   conservative: regular,
   friction,
 });
+
+const times = ({ samples, open }: MarginBuffer) =>
+  [...samples, ...(open ? [open] : [])].map((s) => s.at_ms);
 
 const fill = (...samples: MarginSample[]): MarginBuffer => samples.reduce(withSample, NO_MARGINS);
 
@@ -85,5 +90,29 @@ describe("the lines", () => {
     expect(spanOf([sample(0), sample(30_000)])).toBe(1);
     expect(spanOf([sample(0), sample(100_000)])).toBe(2);
     expect(spanOf([sample(0), sample(SPAN_MS)])).toBe(5);
+  });
+});
+
+describe("what came before a jump", () => {
+  const range = (from: number, to: number, step = 1000) =>
+    Array.from({ length: (to - from) / step + 1 }, (_, i) => sample(from + i * step));
+
+  it("takes the place of what was gathered up to there", () => {
+    const after = fill(...range(0, 3000), ...range(60_000, 62_000));
+    const filled = withEarlier(after, range(20_000, 60_000));
+    expect(times(filled)).toEqual(range(20_000, 62_000).map((s) => s.at_ms));
+    expect(runsOf(filled.samples, "regular")).toHaveLength(1);
+  });
+
+  it("goes no farther back than the strip", () => {
+    const filled = withEarlier(fill(sample(2 * SPAN_MS)), range(0, 2 * SPAN_MS));
+    expect(filled.samples[0]!.at_ms).toBeGreaterThanOrEqual(SPAN_MS - BUCKET_MS);
+    expect(withEarlier(fill(sample(5)), [])).toEqual(fill(sample(5)));
+  });
+
+  it("is a jump where time goes back, or on by more than a gap", () => {
+    const jumps = [isJump(null, 5), isJump(10_000, 9_999), isJump(0, 3001)];
+    expect(jumps).toEqual([true, true, true]);
+    expect([isJump(0, 3000), isJump(10_000, 10_000)]).toEqual([false, false]);
   });
 });

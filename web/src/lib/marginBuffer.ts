@@ -57,6 +57,20 @@ function before({ samples }: MarginBuffer, at_ms: number): MarginBuffer {
   return { samples: samples.filter((s) => s.at_ms < at_ms), open: null };
 }
 
+/** Put before what was gathered since: what came earlier, oldest first, as the log has it. */
+export function withEarlier(buffer: MarginBuffer, earlier: MarginSample[]): MarginBuffer {
+  const until_ms = earlier.at(-1)?.at_ms;
+  if (until_ms === undefined) return buffer;
+  const own = buffer.open ? [...buffer.samples, buffer.open] : buffer.samples;
+  const since = own.filter((s) => bucket(s.at_ms) > bucket(until_ms));
+  return [...earlier, ...since].reduce(withSample, NO_MARGINS);
+}
+
+/** Did what is shown jump, so that there is more to know of what came before? */
+export function isJump(last_ms: number | null, at_ms: number): boolean {
+  return last_ms === null || at_ms < last_ms || at_ms - last_ms > GAP_MS;
+}
+
 export interface Point {
   at_ms: number;
   margin_m: number;

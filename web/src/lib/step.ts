@@ -7,6 +7,7 @@ import type {
   PlanCommandRef,
   RoverState,
 } from "../api/types";
+import { awaitsApproval } from "./approval";
 import { commandClock, isUnderWay } from "./commandClock";
 import { legLabel } from "./format";
 import { endOfCommand, isOver, type PlanProgress } from "./planProgress";
@@ -104,8 +105,14 @@ function stepOfCommand(record: CommandRecord, title: string, of: string, now_ms:
   const clock = commandClock(record, now_ms);
   const more = { command: title, share: clock.share };
   switch (record.state) {
-    case "staged":
+    case "staged": {
+      const awaits = awaitsApproval(record, now_ms);
+      if (awaits) {
+        const waits = { ...more, yours: false };
+        return step("arm", `“${title}”${of} is staged. ${awaits}`, waits);
+      }
       return step("arm", `“${title}”${of} is staged: arm it.`, more);
+    }
     case "armed":
       if (clock.armed_s === 0) {
         return step("arm", `The arming of “${title}” has lapsed: arm it again.`, more);

@@ -17,6 +17,7 @@ import { COVERAGE } from "../lib/coverage";
 import { stylesOf } from "../lib/mapLayers";
 import { useCameras } from "../store/cameras";
 import { useConsole } from "../store/console";
+import { useDrapes } from "../store/drapes";
 import { useEnergy } from "../store/energy";
 import { freshnessOf } from "../store/freshness";
 import { useFollow } from "../store/follow";
@@ -43,6 +44,7 @@ export function bind(viewer: Viewer): Unbind {
   const stops = [
     bindRover(viewer),
     bindTerrain(viewer),
+    bindDrapes(viewer),
     bindSelection(viewer),
     bindPlan(viewer),
     bindFollow(viewer),
@@ -238,6 +240,22 @@ function bindTerrain(viewer: Viewer): Unbind {
     (store.subscribe as (listener: () => void) => Unbind)(update),
   );
   update();
+  return () => stops.forEach((stop) => stop());
+}
+
+/** Pictures over the ground: that of the cameras where it is asked for, and an imported raster. */
+function bindDrapes(viewer: Viewer): Unbind {
+  const update = () => {
+    const { picture, raster, opacity } = useDrapes.getState();
+    const wanted = useView.getState().overlay === "picture";
+    const { version } = useTerrain.getState();
+    viewer.setPicture(wanted && picture?.of === version?.version ? picture : null);
+    viewer.setImported(raster, opacity);
+  };
+  update();
+  const stops = [useDrapes, useView, useTerrain].map((store) =>
+    (store.subscribe as (listener: () => void) => Unbind)(update),
+  );
   return () => stops.forEach((stop) => stop());
 }
 

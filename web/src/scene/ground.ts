@@ -4,6 +4,7 @@
 import {
   BufferAttribute,
   BufferGeometry,
+  CanvasTexture,
   ClampToEdgeWrapping,
   Color,
   DataTexture,
@@ -14,6 +15,8 @@ import {
   NearestFilter,
   RedFormat,
   RGBAFormat,
+  SRGBColorSpace,
+  type Texture,
   UnsignedByteType,
   Vector2,
   Vector3,
@@ -29,6 +32,14 @@ export interface OverlayRaster {
   styles: ClassStyle[];
   /** Only nodes within this circle are painted: center x, y and radius (m). */
   circle?: [number, number, number];
+}
+
+/** A picture that is laid over the ground, first row the greatest y. */
+export interface DrapeImage {
+  canvas: HTMLCanvasElement;
+  /** Outer corner of the least x and y (m). */
+  origin_m: [number, number];
+  extent_m: [number, number];
 }
 
 const MAX_TEXTURE = 2048;
@@ -48,6 +59,14 @@ export class Ground {
     uOrigin: { value: new Vector2() },
     uExtent: { value: new Vector2(1, 1) },
     uReliefNodes: { value: new Vector2(1, 1) },
+    uPicture: { value: emptyTexture() as Texture },
+    uPictureOrigin: { value: new Vector2() },
+    uPictureExtent: { value: new Vector2(1, 1) },
+    uPictureOn: { value: 0 },
+    uRaster: { value: emptyTexture() as Texture },
+    uRasterOrigin: { value: new Vector2() },
+    uRasterExtent: { value: new Vector2(1, 1) },
+    uRasterOn: { value: 0 },
     uClasses: { value: emptyTexture() },
     uOverlayOrigin: { value: new Vector2() },
     uOverlayNodes: { value: new Vector2(1, 1) },
@@ -100,6 +119,25 @@ export class Ground {
     }
   }
 
+  /** Lays the picture of the cameras over the ground, as it is. */
+  setPicture(image: DrapeImage | null): void {
+    const u = this.uniforms;
+    u.uPictureOn.value = image ? 1 : 0;
+    u.uPicture.value = drape(
+      image,
+      u.uPicture.value,
+      u.uPictureOrigin.value,
+      u.uPictureExtent.value,
+    );
+  }
+
+  /** Lays an imported raster over the ground. */
+  setImported(image: DrapeImage | null, opacity: number): void {
+    const u = this.uniforms;
+    u.uRasterOn.value = image ? opacity : 0;
+    u.uRaster.value = drape(image, u.uRaster.value, u.uRasterOrigin.value, u.uRasterExtent.value);
+  }
+
   clear(): void {
     if (!this.mesh) return;
     this.group.remove(this.mesh);
@@ -112,6 +150,8 @@ export class Ground {
     this.clear();
     this.uniforms.uRelief.value.dispose();
     this.uniforms.uClasses.value.dispose();
+    this.uniforms.uPicture.value.dispose();
+    this.uniforms.uRaster.value.dispose();
   }
 
   private material(): MeshLambertMaterial {
@@ -133,6 +173,24 @@ export class Ground {
     material.customProgramCacheKey = () => "ground";
     return material;
   }
+}
+
+/** The texture of an image in place of the one before. */
+function drape(
+  image: DrapeImage | null,
+  before: Texture,
+  origin: Vector2,
+  extent: Vector2,
+): Texture {
+  if (image !== null && before.image === image.canvas) return before;
+  before.dispose();
+  if (image === null) return emptyTexture();
+  origin.set(...image.origin_m);
+  extent.set(...image.extent_m);
+  const texture = new CanvasTexture(image.canvas);
+  texture.colorSpace = SRGBColorSpace;
+  texture.anisotropy = 4;
+  return texture;
 }
 
 /** Nodes of the mesh along a side: all of them, or evenly left out. */

@@ -8,6 +8,14 @@ uniform sampler2D uRelief;
 uniform vec2 uOrigin;
 uniform vec2 uExtent;
 uniform vec2 uReliefNodes;
+uniform sampler2D uPicture;
+uniform vec2 uPictureOrigin;
+uniform vec2 uPictureExtent;
+uniform float uPictureOn;
+uniform sampler2D uRaster;
+uniform vec2 uRasterOrigin;
+uniform vec2 uRasterExtent;
+uniform float uRasterOn;
 uniform sampler2D uClasses;
 uniform vec2 uOverlayOrigin;
 uniform vec2 uOverlayNodes;
@@ -21,6 +29,15 @@ uniform float uHatches[12];
 vec4 reliefAt(vec2 place) {
   vec2 share = (place - uOrigin) / uExtent;
   return texture2D(uRelief, (share * (uReliefNodes - 1.0) + 0.5) / uReliefNodes);
+}
+
+// Color and strength of a picture at a place; nothing beside it.
+vec4 drapeAt(sampler2D image, vec2 origin, vec2 extent, vec2 place) {
+  vec2 share = (place - origin) / extent;
+  if (any(lessThan(share, vec2(0.0))) || any(greaterThan(share, vec2(1.0)))) return vec4(0.0);
+  vec4 texel = texture2D(image, share);
+  // Transparent texels are black; what they mix into their neighbors is taken out again.
+  return vec4(texel.rgb / max(texel.a, 1e-3), texel.a);
 }
 
 // A line of the given share of its period, smoothed over a pixel.
@@ -59,6 +76,17 @@ dust = mix(dust, vec3(0.52, 0.56, 0.6), 0.16 * gridLine(vGround / 5.0));
 float unknown = 1.0 - step(0.5, relief.a);
 vec3 hidden = vec3(0.13, 0.15, 0.18) + 0.09 * hatching(1.0, vGround);
 dust = mix(dust, hidden, unknown);
+float flatness = 0.0;
+if (uPictureOn > 0.5) {
+  vec4 seen = drapeAt(uPicture, uPictureOrigin, uPictureExtent, vGround);
+  // The sun is in the picture already: it is shown as level ground would be.
+  flatness = seen.a * (1.0 - unknown);
+  dust = mix(dust, seen.rgb, flatness);
+}
+if (uRasterOn > 0.0) {
+  vec4 laid = drapeAt(uRaster, uRasterOrigin, uRasterExtent, vGround);
+  dust = mix(dust, laid.rgb, laid.a * uRasterOn * (1.0 - unknown));
+}
 if (uOverlayOn > 0.5) {
   vec2 node = floor((vGround - uOverlayOrigin) / uOverlayStep + 0.5);
   vec2 place = uOverlayOrigin + node * uOverlayStep;
@@ -85,7 +113,7 @@ diffuseColor.rgb = dust;
 `;
 
 export const GROUND_NORMAL = /* glsl */ `
-vec2 lean = relief.rg * 2.0 - 1.0;
+vec2 lean = (relief.rg * 2.0 - 1.0) * (1.0 - flatness);
 vec3 upright = vec3(lean, sqrt(max(0.0, 1.0 - dot(lean, lean))));
 normal = normalize((viewMatrix * vec4(upright, 0.0)).xyz);
 `;

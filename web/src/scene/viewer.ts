@@ -18,7 +18,7 @@ import type { RoverModel, RoverState, Vec3 } from "../api/types";
 import type { CameraView } from "../store/view";
 import { CameraRig } from "./cameraRig";
 import { EnergyView } from "./energyView";
-import { Ground, type OverlayRaster } from "./ground";
+import { type DrapeImage, Ground, type OverlayRaster } from "./ground";
 import { pickGround, type Ray } from "./gridPick";
 import type { HeightRaster } from "./heightRaster";
 import { pickLeg } from "./legPick";
@@ -117,6 +117,16 @@ export class Viewer {
 
   setOverlay(overlay: OverlayRaster | null): void {
     this.ground.setOverlay(overlay);
+    this.invalidate();
+  }
+
+  setPicture(image: DrapeImage | null): void {
+    this.ground.setPicture(image);
+    this.invalidate();
+  }
+
+  setImported(image: DrapeImage | null, opacity: number): void {
+    this.ground.setImported(image, opacity);
     this.invalidate();
   }
 

@@ -32,6 +32,10 @@ export function causesOf({ connection, model, channels, stale }: Situation): Cau
   const rover = channels.rover?.message;
   if (rover?.mode === "fault") add("critical", `Rover fault: ${rover.fault ?? "not told"}`);
   if (rover?.mode === "stopped") add("serious", "The rover is stopped by an E-stop");
+  const log = channels.link?.message.flight_log;
+  if (log?.error) add("critical", `Flight log: ${log.error}`);
+  else if (log && log.dropped > 0)
+    add("standby", `${log.dropped} messages of this session are not in the flight log`);
   if (stale && connection === "open") add("caution", "Telemetry is old");
   for (const c of channels.commands) {
     if (c.state === "overdue") add("serious", `“${readable(c.title)}” is overdue, outcome unknown`);

@@ -5,6 +5,7 @@ import { create } from "zustand";
 import { api, sentenceOf } from "../api/client";
 import { localNow, Stream } from "../api/stream";
 import type {
+  AuthorityReport,
   CommandRecord,
   JobReport,
   ReplayState,
@@ -179,6 +180,16 @@ export function leaveReplay(): void {
   set((state) => {
     const closed = closeReplay(state.stream);
     return { stream: closed, ...maps(closed, state.liveTerrain) };
+  });
+}
+
+/** Takes in the answer of a request about the authority before the stream tells of it. */
+export function noteAuthority(authority: AuthorityReport): void {
+  set((state) => {
+    const { live } = state.stream;
+    if (!live.link || (live.link.message.authority?.epoch ?? 0) > authority.epoch) return state;
+    const link = { ...live.link, message: { ...live.link.message, authority } };
+    return { stream: { ...state.stream, live: { ...live, link } } };
   });
 }
 

@@ -5,8 +5,11 @@ import { create } from "zustand";
 import { setOperator } from "../api/client";
 import { REGION_KEYS, type RegionKey } from "../lib/regions";
 
-export type Overlay = "none" | "traversability" | "reachability" | "energy" | "map" | "coverage";
+export type Overlay =
+  "none" | "traversability" | "reachability" | "energy" | "map" | "picture" | "coverage";
 export type CameraView = "iso" | "top" | "leg";
+/** What is commanded by hand. */
+export type HandPart = "leg" | "wheels" | "body" | "sequence";
 export type RightTab = "step" | "hand" | "map" | "stability" | "telemetry" | "log";
 
 export interface ViewState {
@@ -22,6 +25,7 @@ export interface ViewState {
   /** Counts requests to aim the camera, so that asking for the same view again does it. */
   aimed: number;
   tab: RightTab;
+  handPart: HandPart;
   rightOpen: boolean;
   leftOpen: boolean;
   keysOpen: boolean;
@@ -49,10 +53,19 @@ function kept(): Partial<ViewState> {
     const told = Object.fromEntries(KEPT.filter((k) => k in stored).map((k) => [k, stored[k]]));
     // An older console may have kept something else under this name.
     if (!Array.isArray(told.regions)) delete told.regions;
+    // What every console was called before names were given.
+    if (told.operator === "operator") delete told.operator;
     return told;
   } catch {
     return {};
   }
+}
+
+/** A name of its own for each browser: two consoles are then two operators until they are told who they are. */
+function newOperator(): string {
+  const letters = "abcdefghjkmnpqrstuvwxyz23456789";
+  const drawn = Array.from(crypto.getRandomValues(new Uint8Array(3)));
+  return `operator-${drawn.map((b) => letters[b % letters.length]).join("")}`;
 }
 
 export const useView = create<ViewState>(() => ({
@@ -62,10 +75,11 @@ export const useView = create<ViewState>(() => ({
   regions: ["regular", "conservative"],
   torqueColors: false,
   theme: "dark",
-  operator: "operator",
+  operator: newOperator(),
   camera: "iso",
   aimed: 0,
   tab: "step",
+  handPart: "leg",
   rightOpen: true,
   leftOpen: true,
   keysOpen: false,
@@ -80,16 +94,22 @@ function apply(state: ViewState): void {
   document.documentElement.dataset.theme = state.theme;
 }
 
-apply(useView.getState());
-useView.subscribe((state, before) => {
-  if (!KEPT.some((k) => state[k] !== before[k])) return;
-  apply(state);
+function keep(state: ViewState): void {
   try {
     const values = Object.fromEntries(KEPT.map((k) => [k, state[k]]));
     localStorage.setItem(STORAGE_KEY, JSON.stringify(values));
   } catch {
     // A browser that keeps nothing still shows everything.
   }
+}
+
+apply(useView.getState());
+// The name that was drawn is this browser's from now on.
+keep(useView.getState());
+useView.subscribe((state, before) => {
+  if (!KEPT.some((k) => state[k] !== before[k])) return;
+  apply(state);
+  keep(state);
 });
 
 /** Draws a kind of region or not, in the order of the kinds. */

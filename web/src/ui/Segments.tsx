@@ -11,13 +11,15 @@ interface Props<T extends string> {
   set: (value: T) => void;
   /** Prefix of the test ids. */
   testId: string;
+  /** In one row however many there are. */
+  inline?: boolean;
 }
 
 export function Segments<T extends string>(props: Props<T>) {
-  const { name, label, labelledBy, choices, value, set, testId } = props;
+  const { name, label, labelledBy, choices, value, set, testId, inline = false } = props;
   return (
     <div
-      className={choices.length > 3 ? "segments grid" : "segments"}
+      className={choices.length > 3 && !inline ? "segments grid" : "segments"}
       role="radiogroup"
       aria-label={label}
       aria-labelledby={labelledBy}

@@ -418,7 +418,8 @@ impl<O: Parcel, I: DeserializeOwned> End<O, I> {
             )));
         }
         let same = self.peer_run.as_deref() == Some(&hello.run);
-        let known = hello.peer_run.as_deref() == Some(&own.run);
+        // Who has greeted nobody yet has missed our greeting, and all that was written behind it.
+        let known = hello.peer_run.as_ref().is_none_or(|run| *run == own.run);
         if same && known {
             self.resume(now, hello.received)?;
         } else {

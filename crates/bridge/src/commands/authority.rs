@@ -8,6 +8,9 @@
 use wire::live::AuthorityReport;
 use wire::time::Timestamp;
 
+/// A request to its holder stands this long (s).
+pub const ASKED_S: f64 = 60.0;
+
 /// How authority is given.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AuthorityRules {
@@ -43,6 +46,12 @@ pub enum AuthorityError {
         /// Who asked.
         who: String,
     },
+    /// Its holder is to have it.
+    #[error("{who} has the authority to command already; name another operator")]
+    HasIt {
+        /// Who.
+        who: String,
+    },
     /// It has passed on since the command was sent.
     #[error("the authority has passed on since")]
     PassedOn,
@@ -54,6 +63,7 @@ impl AuthorityError {
         match self {
             AuthorityError::Held { .. } => "authority_held",
             AuthorityError::Needed | AuthorityError::NotHolder { .. } => "authority_needed",
+            AuthorityError::HasIt { .. } => "authority_has_it",
             AuthorityError::PassedOn => "authority_passed_on",
         }
     }
@@ -70,6 +80,8 @@ struct Holder {
 pub struct Authority {
     rules: AuthorityRules,
     holder: Option<Holder>,
+    /// Who asks the holder for it, and until when.
+    asked: Option<Holder>,
     epoch: u64,
 }
 
@@ -77,7 +89,7 @@ impl Authority {
     /// Nobody has it. Epochs are beyond those of any session begun earlier than `now`, and beyond
     /// `last`.
     pub fn new(now: Timestamp, rules: AuthorityRules, last: u64) -> Authority {
-        Authority { rules, holder: None, epoch: last.max(now.0 / 1_000_000) }
+        Authority { rules, holder: None, asked: None, epoch: last.max(now.0 / 1_000_000) }
     }
 
     /// Takes or renews it; gives its epoch.
@@ -99,6 +111,39 @@ impl Authority {
         }
     }
 
+    /// Asks its holder for it, for [`ASKED_S`]; true if that is news. Where nobody has it, it is taken.
+    pub fn ask(&mut self, now: Timestamp, who: &str) -> Result<bool, AuthorityError> {
+        match self.alive(now) {
+            None => {
+                self.give(now, who);
+                Ok(false)
+            }
+            Some(holder) if holder.operator == who => {
+                Err(AuthorityError::HasIt { who: who.into() })
+            }
+            Some(_) => {
+                let news = self.asking(now).is_none_or(|asked| asked.operator != who);
+                let until = now.plus_seconds(ASKED_S);
+                self.asked = Some(Holder { operator: who.into(), until });
+                Ok(news)
+            }
+        }
+    }
+
+    /// Gives it from its holder to another, who need not have asked; gives the new epoch.
+    pub fn hand_over(
+        &mut self,
+        now: Timestamp,
+        who: &str,
+        to: &str,
+    ) -> Result<u64, AuthorityError> {
+        self.renew(now, who)?;
+        if who == to {
+            return Err(AuthorityError::HasIt { who: who.into() });
+        }
+        Ok(self.give(now, to))
+    }
+
     /// Prolongs the lease of its holder.
     pub fn renew(&mut self, now: Timestamp, who: &str) -> Result<u64, AuthorityError> {
         let until = now.plus_seconds(self.rules.lease_s);
@@ -114,7 +159,7 @@ impl Authority {
     /// Gives it up.
     pub fn release(&mut self, now: Timestamp, who: &str) -> Result<(), AuthorityError> {
         self.renew(now, who)?;
-        self.holder = None;
+        (self.holder, self.asked) = (None, None);
         Ok(())
     }
 
@@ -146,13 +191,22 @@ impl Authority {
 
     /// How things stand.
     pub fn report(&self, now: Timestamp) -> AuthorityReport {
-        let holder = self.alive(now);
+        let (holder, asked) = (self.alive(now), self.asking(now));
         AuthorityReport {
             holder: holder.map(|h| h.operator.clone()),
             until: holder.map(|h| h.until),
             epoch: self.epoch,
             explicit: self.rules.explicit,
+            lease_s: self.rules.lease_s,
+            asked_by: asked.map(|a| a.operator.clone()),
+            asked_until: asked.map(|a| a.until),
         }
+    }
+
+    /// Who asks for it; a request to a holder who has it no more is none.
+    fn asking(&self, now: Timestamp) -> Option<&Holder> {
+        self.alive(now)?;
+        self.asked.as_ref().filter(|asked| asked.until >= now)
     }
 
     fn alive(&self, now: Timestamp) -> Option<&Holder> {
@@ -163,6 +217,7 @@ impl Authority {
         self.epoch += 1;
         let until = now.plus_seconds(self.rules.lease_s);
         self.holder = Some(Holder { operator: who.into(), until });
+        self.asked = None;
         self.epoch
     }
 }

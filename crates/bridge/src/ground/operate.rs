@@ -14,6 +14,21 @@ use crate::commands::{AuthorityError, CommandError, EstopError, StageCommand};
 use crate::link::{self, LinkError, Settings};
 use crate::recorder::Written;
 
+/// What stands in the way of a command, by what was looked at.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rehearsed {
+    /// Can the flight log be written?
+    pub log: Result<(), CommandError>,
+    /// Is there no E-stop?
+    pub estop: Result<(), CommandError>,
+    /// Is there a connection to the rover?
+    pub connection: Result<(), CommandError>,
+    /// Has who asks the authority, or could it be acquired?
+    pub authority: Result<(), CommandError>,
+    /// May it be staged by its place in its plan?
+    pub order: Result<(), CommandError>,
+}
+
 impl Ground {
     /// Stages a command; see [`crate::commands::CommandBook::stage`].
     pub fn stage(
@@ -30,17 +45,31 @@ impl Ground {
     /// All that stands in the way of staging, arming and sending a command now, changing nothing:
     /// everything but the release.
     pub fn rehearse(&self, now: Timestamp, command: &StageCommand, who: &str) -> Vec<CommandError> {
-        let now = self.now.max(now);
-        let checks = [
-            self.log_must_be_well(),
-            self.book.may_stage(command),
-            self.no_estop(),
-            self.rover_must_be_there(),
-            self.authority.may(now, who).map_err(CommandError::from),
-            self.book.may_arm(command),
-            self.observe(now, &command.preconditions).map(drop).map_err(CommandError::from),
-        ];
+        let Rehearsed { log, estop, connection, authority, order } =
+            self.look(now, Some(command), who);
+        let waits_for = &command.preconditions;
+        let observed = self.observe(now, waits_for).map(drop).map_err(CommandError::from);
+        let checks =
+            [log, order, estop, connection, authority, self.book.may_arm(command), observed];
         checks.into_iter().filter_map(Result::err).collect()
+    }
+
+    /// As [`Ground::rehearse`], check by check; without a command what holds for any. Preconditions
+    /// are shown by [`Ground::show`].
+    pub fn look(&self, now: Timestamp, command: Option<&StageCommand>, who: &str) -> Rehearsed {
+        let now = self.now.max(now);
+        Rehearsed {
+            log: self.log_must_be_well(),
+            estop: self.no_estop(),
+            connection: self.rover_must_be_there(),
+            authority: self.authority.may(now, who).map_err(CommandError::from),
+            order: command.map_or(Ok(()), |command| self.book.may_stage(command)),
+        }
+    }
+
+    /// May a command be armed now, were it staged: its place in its plan, and no other armed one?
+    pub fn may_arm(&self, command: &StageCommand) -> Result<(), CommandError> {
+        self.book.may_arm(command)
     }
 
     /// Arms a command; see [`crate::commands::CommandBook::arm`].
@@ -194,6 +223,42 @@ impl Ground {
         self.book.disarm_all(now, who, "the authority to command was given up");
         self.publish_events();
         self.notice(now, EventLevel::Info, who, "gave up the authority to command");
+        self.report_link();
+        Ok(self.authority.report(now))
+    }
+
+    /// Asks whoever has the authority for it; takes it where nobody has it.
+    pub fn ask_for_authority(
+        &mut self,
+        now: Timestamp,
+        who: &str,
+    ) -> Result<AuthorityReport, AuthorityError> {
+        let now = self.tick(now);
+        let before = self.authority.report(now);
+        let news = self.authority.ask(now, who)?;
+        self.authority_changed(now, &before, who);
+        if news {
+            let holder = before.holder.as_deref().unwrap_or("its holder");
+            let text = format!("asks {holder} for the authority to command");
+            self.notice(now, EventLevel::Info, who, &text);
+            self.report_link();
+        }
+        Ok(self.authority.report(now))
+    }
+
+    /// Hands the authority over to another operator.
+    pub fn hand_over_authority(
+        &mut self,
+        now: Timestamp,
+        who: &str,
+        to: &str,
+    ) -> Result<AuthorityReport, AuthorityError> {
+        let now = self.tick(now);
+        self.authority.hand_over(now, who, to)?;
+        self.book.disarm_all(now, who, "the authority to command was handed over");
+        self.publish_events();
+        let text = format!("handed the authority to command over to {to}");
+        self.notice(now, EventLevel::Info, who, &text);
         self.report_link();
         Ok(self.authority.report(now))
     }

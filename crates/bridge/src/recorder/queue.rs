@@ -7,6 +7,7 @@ use std::time::Duration;
 use tokio::sync::{Notify, oneshot};
 use wire::live::{EventLevel, EventNotice, GapReason, LogGap};
 use wire::resources::LogInfo;
+use wire::time::Timestamp;
 
 use super::{
     BULK_BYTES_MAX, COMMIT_BYTES, COMMIT_MS, DURABLE_MAX, RECORD_BYTES_MAX, Record, RecorderError,
@@ -17,6 +18,8 @@ use super::{
 const OVERHEAD_BYTES: usize = 96;
 /// Notices kept for the owner of the `event` channel.
 const NOTICES_MAX: usize = 256;
+/// While the disk refuses, drops of a channel are told so often (s).
+const TELL_DROPS_S: f64 = 10.0;
 
 /// How a message is treated where not all can be kept.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -65,10 +68,20 @@ struct State {
     ended: bool,
     dropped: u64,
     /// Drops by channel that no event has told yet, and those that the log has not told yet.
-    untold: BTreeMap<Arc<str>, u64>,
+    untold: BTreeMap<Arc<str>, Untold>,
     gaps: BTreeMap<Arc<str>, LogGap>,
     notices: VecDeque<EventNotice>,
     progress: Progress,
+}
+
+/// Drops of one channel.
+#[derive(Debug, Default)]
+struct Untold {
+    dropped: u64,
+    /// Log time of the last of them.
+    last: Timestamp,
+    /// `last` when an event told of this channel before.
+    told: Option<Timestamp>,
 }
 
 /// Messages that may give way to newer ones.
@@ -184,11 +197,20 @@ impl Queue {
 
     pub fn take_notices(&self) -> Vec<EventNotice> {
         let mut state = self.lock();
-        for (channel, dropped) in std::mem::take(&mut state.untold) {
-            let text =
-                format!("{dropped} messages of {channel} are not in the log; log/gap tells why");
-            state.notice(EventLevel::Warning, text);
+        // While the disk refuses, of each channel once in a while only: every event is for the disk, too.
+        let well = state.progress.error.is_none() || state.ended;
+        let mut texts = Vec::new();
+        for (channel, untold) in &mut state.untold {
+            let due = untold.told.is_none_or(|at| untold.last.seconds_since(at) >= TELL_DROPS_S);
+            if untold.dropped > 0 && (well || due) {
+                let dropped = std::mem::take(&mut untold.dropped);
+                untold.told = Some(untold.last);
+                texts.push(format!(
+                    "{dropped} messages of {channel} are not in the log; log/gap tells why"
+                ));
+            }
         }
+        texts.into_iter().for_each(|text| state.notice(EventLevel::Warning, text));
         std::mem::take(&mut state.notices).into()
     }
 
@@ -217,6 +239,11 @@ impl Queue {
         }
     }
 
+    /// True while the disk does not take everything.
+    pub fn fails(&self) -> bool {
+        self.lock().progress.error.is_some()
+    }
+
     fn lock(&self) -> MutexGuard<'_, State> {
         // Every method leaves the state whole, so a panic elsewhere has not harmed it.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
@@ -235,7 +262,9 @@ impl State {
 
     fn drop_one(&mut self, record: &Record, reason: GapReason) {
         self.dropped += 1;
-        *self.untold.entry(record.channel.clone()).or_default() += 1;
+        let untold = self.untold.entry(record.channel.clone()).or_default();
+        untold.dropped += 1;
+        untold.last = untold.last.max(record.log_time);
         let gap = self.gaps.entry(record.channel.clone()).or_insert_with(|| LogGap {
             channel: record.channel.to_string(),
             dropped: 0,

@@ -193,6 +193,30 @@ fn over_restarts_of_either_end_no_command_arrives_twice_or_is_wrongly_called_los
     assert!(unknown > 0);
 }
 
+/// The ground has heard the rover's greeting and writes; its own greeting and all behind it are lost. The
+/// rover, which has greeted nobody then, tells by that that it has seen nothing.
+#[test]
+fn what_is_written_behind_a_lost_greeting_is_written_again_and_has_no_unknown_outcome() {
+    let (up, down) = (ground(START, "g0"), rover(START, "r0"));
+    up.end().open(START);
+    down.end().open(START);
+    let greeting = down.end().output(START);
+    up.end().receive(START, &greeting).unwrap();
+    up.end().push(START, command(1));
+    assert!(!up.end().output(START).is_empty(), "lost");
+    let cut = CarrierError::Connection("cut".into());
+    up.end().close(START, &cut);
+    down.end().close(START, &cut);
+    let (mut wire, mut rng) = (VirtualWire::default(), ChaCha8Rng::seed_from_u64(8));
+    let mut heard = Heard::default();
+    for tick in 1..100 {
+        wire.step(after(f64::from(tick) * 0.05), &up, &down, &mut rng);
+        heard.collect(&up, &down);
+    }
+    assert_eq!(heard.commands, [uuid(1)]);
+    assert!(heard.never.is_empty() && heard.unknown.is_empty());
+}
+
 #[test]
 fn what_the_rover_says_without_a_ground_waits_for_the_next_one() {
     let (first, down) = (ground(START, "g0"), rover(START, "r0"));

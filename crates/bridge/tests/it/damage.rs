@@ -140,3 +140,30 @@ fn every_damage_is_told_and_good_chunks_around_it_are_returned() {
     eprintln!("{cases} damages: {told} told, {harmless} of no consequence, {kept} messages kept");
     assert!(told > harmless && kept > cases * 100);
 }
+
+/// One flipped bit makes of an index of messages the end of the data, as its kind says: what stands behind
+/// it is returned all the same.
+#[test]
+fn an_index_that_reads_as_the_end_of_the_data_ends_nothing() {
+    let originals = open_and_sealed();
+    let mut cases = 0;
+    for original in &originals {
+        let sound = read(original);
+        let last_chunk = layout(original).last().unwrap().0.end;
+        let mut at = mcap::MAGIC.len();
+        while at + 9 < last_chunk {
+            let length = u64::from_le_bytes(original[at + 1..at + 9].try_into().unwrap());
+            if original[at] == op::MESSAGE_INDEX {
+                let mut bytes = original.clone();
+                bytes[at] ^= 8;
+                assert_eq!(bytes[at], op::DATA_END);
+                let content = read(&bytes);
+                assert_ne!(content.damage, sound.damage, "byte {at}: told");
+                assert!(content.messages == sound.messages, "byte {at}: {:?}", content.damage);
+                cases += 1;
+            }
+            at += 9 + length as usize;
+        }
+    }
+    assert!(cases > 20, "{cases}");
+}

@@ -163,6 +163,44 @@ fn what_is_given_up_depends_on_the_room_that_is_left() {
     assert_eq!(step(1001), (0, false, 0));
     assert_eq!(step(999), (0, false, 1), "it is told");
     assert_eq!(step(499), (1, false, 2), "bulk is shed: the level, and the drop");
-    assert_eq!(step(99), (2, true, 3), "and telemetry: the level, and two drops");
-    assert_eq!(step(5000), (0, false, 1));
+    assert_eq!(
+        step(99),
+        (2, true, 2),
+        "and telemetry: the level, its first drop; bulk was told just now"
+    );
+    assert_eq!(step(5000), (0, false, 2), "the level, and what was not told yet");
+}
+
+/// A minute of full disk: what was lost is told to the last message, and in few words, for each of
+/// them is one more event for the disk.
+#[test]
+fn what_a_full_disk_loses_is_told_once_in_a_while_and_adds_up() {
+    let disk = SimFs::default();
+    let recorder = Recorder::start_on(Box::new(disk.clone()), with_reserve()).unwrap();
+    let mut session = Session { recorder, next: 0 };
+    session.go_on();
+    disk.set_room(Some(100));
+    let (mut words, mut told) = (0, 0);
+    let mut hear = |session: &Session| {
+        for notice in session.recorder.take_notices() {
+            words += 1;
+            if let Some((n, _)) = notice.text.split_once(" messages of rover/state") {
+                told += n.parse::<u64>().unwrap();
+            }
+        }
+    };
+    for _ in 0..600 {
+        session.go_on();
+        hear(&session);
+    }
+    assert!(session.recorder.fails());
+    disk.set_room(None);
+    session.go_on();
+    session.go_on();
+    hear(&session);
+    assert!(!session.recorder.fails());
+    let dropped = session.recorder.status().dropped;
+    assert!((590..=601).contains(&dropped), "{dropped}");
+    assert_eq!(told, dropped);
+    assert!(words <= 12, "{words} events of a minute");
 }

@@ -1,15 +1,20 @@
 //! C1, C4: random histories of ground, link and rover with loss, copies, other orders, and restarts
-//! of either end. The checker reads both logs from beginning to end and knows nothing else.
+//! of either end. Commands are of every kind: paths, sequences, modes, arcs, orders of images, each with or
+//! without preconditions. The checker reads both logs from beginning to end and knows nothing else but what
+//! each command asks for.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use bridge::commands::{Authority, AuthorityRules, CommandBook, LightTimes, is_terminal};
+use bridge::commands::{
+    Authority, AuthorityRules, CommandBook, LightTimes, StageCommand, is_terminal,
+};
 use bridge::link::{Direction, Settings};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use wire::live::{
-    AckStage, CommandEvent, CommandState, DirectionModel, Jitter, LinkClass, Loss, Outage,
-    OutageTraffic, QueueRule, Uplink, WhenFull,
+    AckStage, CommandBody, CommandEvent, CommandState, Comparison, DirectionModel, ImageOrder,
+    Jitter, LinkClass, Loss, OperatingMode, Outage, OutageTraffic, Precondition, QueueRule,
+    SequenceStep, Uplink, WhenFull,
 };
 use wire::time::Timestamp;
 
@@ -33,45 +38,99 @@ enum GroundLine {
 /// What the rover's disk holds. Each line is written before the rover acts.
 #[derive(Debug, Clone, PartialEq)]
 enum RoverLine {
-    Executes { id: String, epoch: u64, at: Timestamp },
-    Refuses { id: String },
+    /// Step `step` of a command begins; a command that is no sequence is one step.
+    Begins {
+        id: String,
+        step: usize,
+        epoch: u64,
+        at: Timestamp,
+    },
+    /// It is in this mode from now on.
+    Mode(OperatingMode),
+    Refuses {
+        id: String,
+    },
 }
 
-/// A rover in a few lines: executes each identity once, one at a time, newer authority only.
-#[derive(Default)]
+/// A command that the rover is at.
+struct Doing {
+    id: String,
+    epoch: u64,
+    steps: Vec<SequenceStep>,
+    at: usize,
+    end: Timestamp,
+}
+
+/// A rover in a few lines: executes each identity once, one at a time, newer authority only, no step
+/// whose precondition does not hold, and nothing after a step that was not begun.
 struct Rover {
     log: Vec<RoverLine>,
-    moving: Option<(String, Timestamp)>,
+    mode: OperatingMode,
+    moving: Option<Doing>,
     says: Vec<(Timestamp, String, AckStage)>,
 }
 
 impl Rover {
+    fn new() -> Rover {
+        Rover { log: Vec::new(), mode: MODES[0], moving: None, says: Vec::new() }
+    }
+
     fn hears(&mut self, now: Timestamp, uplink: &Uplink) {
-        let Uplink::Command { id, epoch: Some(epoch), .. } = uplink else { return };
+        let Uplink::Command { id, epoch: Some(epoch), body, preconditions, .. } = uplink else {
+            return;
+        };
         self.says.push((now, id.clone(), AckStage::Received));
         let known = |line: &RoverLine| match line {
-            RoverLine::Executes { id: other, .. } | RoverLine::Refuses { id: other } => other == id,
+            RoverLine::Begins { id: other, .. } | RoverLine::Refuses { id: other } => other == id,
+            RoverLine::Mode(_) => false,
         };
         if self.log.iter().any(known) {
             return;
         }
         let highest = self.log.iter().filter_map(|line| match line {
-            RoverLine::Executes { epoch, .. } => Some(*epoch),
-            RoverLine::Refuses { .. } => None,
+            RoverLine::Begins { epoch, .. } => Some(*epoch),
+            _ => None,
         });
-        if self.moving.is_some() || Some(*epoch) < highest.max() {
+        let old = Some(*epoch) < highest.max();
+        if self.moving.is_some() || old || !self.holds(preconditions) {
             self.log.push(RoverLine::Refuses { id: id.clone() });
             self.says.push((now, id.clone(), AckStage::Rejected));
             return;
         }
-        self.log.push(RoverLine::Executes { id: id.clone(), epoch: *epoch, at: now });
+        let steps = steps_of(body);
         self.says.push((now, id.clone(), AckStage::Started));
-        self.moving = Some((id.clone(), now.plus_seconds(2.0)));
+        let doing = Doing { id: id.clone(), epoch: *epoch, steps, at: 0, end: now };
+        self.begin(now, doing);
+    }
+
+    /// Does what is asked for hold? The one field that is asked for here is the mode.
+    fn holds(&self, preconditions: &[Precondition]) -> bool {
+        preconditions.iter().all(|p| p.value == name_of(self.mode))
+    }
+
+    fn begin(&mut self, now: Timestamp, doing: Doing) {
+        let step = &doing.steps[doing.at];
+        if !self.holds(&step.preconditions) {
+            self.says.push((now, doing.id, AckStage::Failed));
+            return;
+        }
+        let Doing { id, epoch, at, .. } = &doing;
+        self.log.push(RoverLine::Begins { id: id.clone(), step: *at, epoch: *epoch, at: now });
+        self.moving = Some(Doing { end: now.plus_seconds(STEP_S), ..doing });
     }
 
     fn advance(&mut self, now: Timestamp) {
-        if let Some((id, end)) = self.moving.take_if(|(_, end)| *end <= now) {
-            self.says.push((end, id, AckStage::Completed));
+        while let Some(doing) = self.moving.take_if(|doing| doing.end <= now) {
+            if let CommandBody::Mode { mode } = doing.steps[doing.at].body {
+                self.log.push(RoverLine::Mode(mode));
+                self.mode = mode;
+            }
+            let end = doing.end;
+            if doing.at + 1 == doing.steps.len() {
+                self.says.push((end, doing.id, AckStage::Completed));
+            } else {
+                self.begin(end, Doing { at: doing.at + 1, ..doing });
+            }
         }
     }
 
@@ -80,6 +139,70 @@ impl Rover {
         self.moving = None;
         self.says.clear();
     }
+}
+
+const MODES: [OperatingMode; 3] =
+    [OperatingMode::Ready, OperatingMode::Safe, OperatingMode::Driving];
+/// Time that a step takes (s).
+const STEP_S: f64 = 1.0;
+
+fn name_of(mode: OperatingMode) -> serde_json::Value {
+    serde_json::to_value(mode).unwrap()
+}
+
+fn steps_of(body: &CommandBody) -> Vec<SequenceStep> {
+    match body {
+        CommandBody::Sequence { steps } => steps.clone(),
+        body => vec![SequenceStep { body: body.clone(), preconditions: Vec::new() }],
+    }
+}
+
+/// The command with number `number` of a history: the same whenever it is asked for.
+fn command(seed: u64, number: u64) -> StageCommand {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed.wrapping_mul(64).wrapping_add(number));
+    let base = motion(&uuid(number), 2.0, None);
+    let waits = |rng: &mut ChaCha8Rng, share: f64| -> Vec<Precondition> {
+        let wanted = Precondition {
+            channel: "rover/state".into(),
+            field: "operation.mode".into(),
+            op: Comparison::Eq,
+            value: name_of(MODES[rng.random_range(0..3)]),
+            max_age_s: 60.0,
+            observed: None,
+        };
+        Vec::from_iter(rng.random_bool(share).then_some(wanted))
+    };
+    let single = |rng: &mut ChaCha8Rng| match rng.random_range(0..4) {
+        0 => base.body.clone(),
+        1 => CommandBody::Mode { mode: MODES[rng.random_range(0..3)] },
+        2 => CommandBody::DriveArc {
+            distance_m: 0.5,
+            turn_rad: 0.1,
+            course_rad: 0.0,
+            speed_m_s: None,
+        },
+        _ => CommandBody::Image(ImageOrder {
+            pairs: vec!["nav1".into()],
+            scale: 0.5,
+            scales: BTreeMap::new(),
+            depth_bits: 8,
+            rate_bps: None,
+            simulated: None,
+        }),
+    };
+    let body = if rng.random_bool(0.4) {
+        let step = |rng: &mut ChaCha8Rng| SequenceStep {
+            body: single(rng),
+            preconditions: waits(rng, 0.3),
+        };
+        CommandBody::Sequence {
+            steps: (0..rng.random_range(1..4)).map(|_| step(&mut rng)).collect(),
+        }
+    } else {
+        single(&mut rng)
+    };
+    let duration_s = STEP_S * steps_of(&body).len() as f64;
+    StageCommand { body, duration_s, preconditions: waits(&mut rng, 0.3), ..base }
 }
 
 struct World {
@@ -130,7 +253,7 @@ impl World {
             unsynced: Vec::new(),
             up: Direction::new(settings(rng), 1000),
             down: Direction::new(settings(rng), 1000),
-            rover: Rover::default(),
+            rover: Rover::new(),
             offered: Vec::new(),
         }
     }
@@ -235,13 +358,14 @@ fn play(seed: u64) -> World {
     for _ in 0..rng.random_range(20..60) {
         let next = world.now.plus_seconds(rng.random_range(0.0..2.0));
         world.go_to(next);
-        let id = uuid(rng.random_range(0..N_COMMANDS));
+        let number = rng.random_range(0..N_COMMANDS);
+        let id = uuid(number);
         let who = PERSONS[rng.random_range(0..3)];
         let now = world.now;
         match rng.random_range(0..20) {
-            0..4 => drop(world.book.stage(now, motion(&id, 2.0, None))),
+            0..4 => drop(world.book.stage(now, command(seed, number))),
             4..9 => {
-                let _ = world.book.stage(now, motion(&id, 2.0, None));
+                let _ = world.book.stage(now, command(seed, number));
                 if world.authority.exercise(now, who).is_ok()
                     && world.book.arm(now, &id, who).is_ok()
                 {
@@ -289,27 +413,52 @@ fn check(seed: u64, ground: &[GroundLine], rover: &[RoverLine]) -> Tally {
             }
         }
     }
-    let mut executed = BTreeSet::new();
-    let mut highest = 0;
+    // How many steps of each command began, and the mode, as the rover's lines tell.
+    let mut begun: BTreeMap<String, usize> = BTreeMap::new();
+    let (mut highest, mut mode) = (0, MODES[0]);
+    let asked: BTreeMap<String, StageCommand> =
+        (0..N_COMMANDS).map(|number| (uuid(number), command(seed, number))).collect();
     for line in rover {
-        let RoverLine::Executes { id, epoch, at } = line else { continue };
-        assert!(executed.insert(id.clone()), "seed {seed}: {id} executed twice");
+        let (id, step, epoch, at) = match line {
+            RoverLine::Begins { id, step, epoch, at } => (id, *step, *epoch, *at),
+            RoverLine::Mode(now) => {
+                mode = *now;
+                continue;
+            }
+            RoverLine::Refuses { .. } => continue,
+        };
+        let before = begun.insert(id.clone(), step + 1).unwrap_or(0);
+        assert_eq!(before, step, "seed {seed}: step {step} of {id} begins after {before} of them");
         let (given, sent) = released[id];
-        assert_eq!(given, *epoch, "seed {seed}");
-        assert!(*at >= sent, "seed {seed}: executed before it was released");
-        assert!(*epoch >= highest, "seed {seed}: an old authority commands");
-        highest = *epoch;
+        assert_eq!(given, epoch, "seed {seed}");
+        assert!(at >= sent, "seed {seed}: executed before it was released");
+        assert!(epoch >= highest, "seed {seed}: an old authority commands");
+        highest = epoch;
+        let steps = steps_of(&asked[id].body);
+        let first = asked[id].preconditions.iter().filter(|_| step == 0);
+        for wanted in first.chain(&steps[step].preconditions) {
+            assert_eq!(
+                wanted.value,
+                name_of(mode),
+                "seed {seed}: step {step} of {id} must not begin"
+            );
+        }
     }
+    let executed: BTreeSet<String> = begun.keys().cloned().collect();
     let mut tally = Tally { executed: executed.len(), ..Tally::default() };
     for (id, state) in &last_state {
         let settled =
             is_terminal(*state) || matches!(state, CommandState::Staged | CommandState::Overdue);
         assert!(settled, "seed {seed}: {id} is stuck as {state:?}");
         let done = *state == CommandState::Done;
-        assert!(!done || executed.contains(id), "seed {seed}: {id} done, never executed");
+        let steps = steps_of(&asked[id].body).len();
+        let all = begun.get(id) == Some(&steps);
+        assert!(!done || all, "seed {seed}: {id} done, but of {steps} steps {:?}", begun.get(id));
         let never = matches!(state, CommandState::Cancelled | CommandState::Expired);
         assert!(!never || !executed.contains(id), "seed {seed}: {id} {state:?}, yet executed");
         tally.done += usize::from(done);
+        tally.cut_short += usize::from(begun.get(id).is_some_and(|n| *n < steps));
+        tally.sequences += usize::from(begun.get(id).is_some_and(|n| *n > 1));
         tally.unknown += usize::from(*state == CommandState::Overdue);
     }
     for id in &executed {
@@ -323,6 +472,9 @@ struct Tally {
     executed: usize,
     done: usize,
     unknown: usize,
+    /// Sequences that did not come to their end, and those that got beyond their first step.
+    cut_short: usize,
+    sequences: usize,
 }
 
 #[test]
@@ -331,7 +483,8 @@ fn c1_c4_each_command_executes_at_most_once_and_none_is_stuck() {
     let mut all = Tally::default();
     for seed in 0..n {
         let world = play(seed);
-        let Tally { executed, done, unknown } = check(seed, &world.disk, &world.rover.log);
+        let Tally { executed, done, unknown, cut_short, sequences } =
+            check(seed, &world.disk, &world.rover.log);
         let offered: Vec<&str> = world
             .offered
             .iter()
@@ -345,8 +498,12 @@ fn c1_c4_each_command_executes_at_most_once_and_none_is_stuck() {
         all.executed += executed;
         all.done += done;
         all.unknown += unknown;
+        all.cut_short += cut_short;
+        all.sequences += sequences;
     }
     // The histories are not empty ones.
     assert!(all.executed as u64 > n / 2 && all.done as u64 > n / 10, "{all:?}");
     assert!(all.unknown as u64 > n / 10, "{all:?}");
+    assert!(all.cut_short as u64 > n / 100 && all.sequences as u64 > n / 10, "{all:?}");
+    eprintln!("{n} histories: {all:?}");
 }

@@ -14,6 +14,7 @@ mod commands;
 mod conformance;
 mod crash;
 mod damage;
+mod day_log;
 mod disk_full;
 mod estop;
 mod ground;

@@ -80,8 +80,7 @@ impl VirtualWire {
             self.up.extend(ground.end().output(now));
             self.down.extend(rover.end().output(now));
             if self.is_cut(now) {
-                self.up.clear();
-                self.down.clear();
+                // As TCP has it: what is under way comes later, or the connection ends.
                 return;
             }
             let heard = deliver(&mut self.up, now, &**rover, self.damage, rng)

@@ -43,7 +43,8 @@ pub struct Margins {
     pub conservative_most: Option<f64>,
     /// Margin in the region that friction holds (m), where it was asked for.
     pub friction: Option<f64>,
-    /// The joint that is loaded most, as a share of its limit; legs as equal springs.
+    /// The joint that is loaded most, as a share of its limit, within the band of the compliant
+    /// rover's loads.
     pub torque: WorstJoint,
 }
 
@@ -93,12 +94,12 @@ impl Margins {
     pub fn meet(&self, wish: &Wish, rules: &StanceRules) -> bool {
         // A point has no inside: even a center of mass over it has nothing to spare.
         let survives = wish.conservative.is_none() || self.region == Region::Area;
-        survives && self.torque.ratio.abs() <= 1.0 && self.spare(wish, rules) >= -ROUNDING
+        survives && !self.torque.is_overloaded() && self.spare(wish, rules) >= -ROUNDING
     }
 
     /// Why a posture that has enough by the search's short cut does not do.
     pub(crate) fn barrier(&self, robot: &Robot) -> Barrier {
-        if self.torque.ratio.abs() > 1.0 {
+        if self.torque.is_overloaded() {
             return torque_barrier(robot, &self.torque);
         }
         Barrier::new("stability", "the full assessment does not confirm the margin")

@@ -174,3 +174,10 @@ fn no_mutation_of_a_urdf_makes_it_panic() {
     }
     assert!(loaded > 100, "only {loaded} of 10 000 were still robots: no evidence");
 }
+
+#[test]
+fn a_long_line_is_no_reason_for_a_long_message() {
+    let long = format!("name = \"a\"\nurdf = \"{}\nbase_link = \"b\"\n", "x".repeat(10_000));
+    let error = load(|_| long.clone(), |u| u).expect_err("must be refused").to_string();
+    assert!(error.len() < 1000 && error.contains("line 2"), "{error}");
+}

@@ -3,6 +3,7 @@
 use collision::{PairDistance as Near, Touch, contact_center, survey};
 use nalgebra::{Isometry3, Vector3};
 use rover::{LegId, LinkId, NoSolution, Posture, Proof, Robot, Wrench, hold_torques};
+use stability::loads::{compliant_share, leg_springs};
 use wire::analysis::{
     InverseKinematicsAnswer, InverseKinematicsRequest, KinematicsAnswer, KinematicsRequest,
     LinkDistance, LinksWanted, PairDistance, STATES_MAX, SolutionResidual, StateKinematics,
@@ -73,7 +74,8 @@ fn of_state(
     let contacts = survey.contacts(&scene.solid, &posture);
     let com = posture.center_of_mass(robot);
     let points: Vec<_> = contacts.iter().map(|(_, point)| *point).collect();
-    let loads = stability::spring_share(&points, &com, robot.mass() * scene.gravity);
+    let springs = leg_springs(robot, &posture, &contacts);
+    let loads = compliant_share(&points, &com, robot.mass() * scene.gravity, &springs);
     let wrench = |leg: LegId| {
         let i = contacts.iter().position(|(standing, _)| *standing == leg)?;
         let force = Vector3::new(0.0, 0.0, *loads.as_ref()?.get(i)?);

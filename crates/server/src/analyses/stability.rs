@@ -5,10 +5,9 @@ use rover::{Posture, Robot};
 use stability::contact_forces::{self, LegStatics};
 use stability::energy::{EnergyMargin, TippingEdges};
 use stability::force_region::{self, ForceSet};
+use stability::loads::{LegSpring, compliant_share, leg_springs};
 use stability::robust::{self, Uncertainty};
-use stability::{
-    ConeBound, ConeModel, Contact, ContactError, report, spring_share, support_polygon,
-};
+use stability::{ConeBound, ConeModel, Contact, ContactError, report, support_polygon};
 use wire::analysis::{
     self, CASES_MAX, CONTACTS_MAX, CaseStability, EnergyEdgeAnswer, EnergySlice, EnergySurface,
     RobustAnswer, StabilityAnswer, StabilityCase, StabilityRequest, TETHERS_MAX, TorqueAnswer,
@@ -155,6 +154,7 @@ fn of_case(
     let request = case;
     let case = Case::new(at, request, gravity)?;
     let torque = torques(at, request, &case, model)?;
+    let springs = springs(request, &case, model);
     let sets = match case.force_sets() {
         Ok(sets) => sets,
         // Everything else has been checked.
@@ -214,7 +214,9 @@ fn of_case(
                 contact_forces::least_norm(&case.contacts, &case.com, w, case.cone).ok()?
             })
             .map(|forces| forces.iter().map(|f| [f.x, f.y, f.z]).collect()),
-        spring_loads_n: case.weight.and_then(|w| spring_share(&case.points, &case.com, w)),
+        spring_loads_n: case
+            .weight
+            .and_then(|w| compliant_share(&case.points, &case.com, w, &springs)),
         stable: why_not.is_none(),
         why_not,
     })
@@ -248,6 +250,21 @@ fn nothing(why: &str) -> CaseStability {
         stable: false,
         why_not: Some(why.into()),
     }
+}
+
+/// The springs of the legs that the contacts name, where scene and case tell their posture; else equal ones.
+fn springs(request: &StabilityCase, case: &Case, model: Option<&Model>) -> Vec<LegSpring> {
+    let own = || {
+        let Model { robot, posture: Some(posture) } = model? else { return None };
+        let foot = |(contact, point): (&analysis::StanceContact, &Point3<f64>)| {
+            let leg = robot.leg_ids().find(|l| Some(&robot.leg(*l).name) == contact.leg.as_ref());
+            Some((leg?, *point))
+        };
+        let feet = request.contacts.iter().zip(&case.points).map(foot);
+        Some(leg_springs(robot, posture, &feet.collect::<Option<Vec<_>>>()?))
+    };
+    let even = LegSpring { stiffness_n_m: 1.0, pressed_m: 0.0 };
+    own().unwrap_or_else(|| vec![even; case.points.len()])
 }
 
 type Torques = (wire::live::RegionAnswer, Option<TorqueAnswer>);

@@ -31,8 +31,13 @@ pub fn traversability(
     let footprint_m = request.footprint_m.unwrap_or(defaults.footprint_m);
     let limits = request.limits.over(&defaults.limits());
     limits.check().map_err(|error| terrain_error(&At::root("limits"), &error))?;
-    let layers = judge(&map, footprint_m, &limits)
-        .map_err(|error| terrain_error(&At::root("footprint_m"), &error))?;
+    // The map in use is judged with the same trust and doubt as its layers.
+    let live = context.live.as_ref().filter(|_| request.terrain.is_none());
+    let layers = match live {
+        Some(live) => live.version.judged(footprint_m, &limits),
+        None => judge(&map, footprint_m, &limits),
+    };
+    let layers = layers.map_err(|error| terrain_error(&At::root("footprint_m"), &error))?;
     stop.check()?;
     Ok(Judged(layers))
 }

@@ -19,6 +19,7 @@ use crate::analyses;
 use crate::app::AppState;
 use crate::body::Body;
 use crate::error::ApiError;
+use crate::reconstruction::contact;
 use crate::scene::Context;
 use crate::stop::Stop;
 
@@ -44,6 +45,7 @@ async fn compute<T: Send + 'static>(
     work: impl FnOnce(&Context, &Stop) -> Result<T, RequestError> + Send + 'static,
 ) -> Result<T, ApiError> {
     let stop = Stop::after(deadline_s)?;
+    contact::settled(app).await;
     let context = app.context();
     let inner = stop.clone();
     Ok(app.gate.run(&stop, move || work(&context, &inner)).await??)

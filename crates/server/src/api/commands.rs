@@ -9,6 +9,7 @@ use bridge::commands::CommandError;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 use wire::check::{At, RequestError};
+use wire::dry_run::DryRun;
 use wire::live::{CommandRecord, CommandState};
 use wire::resources::{ApproveRequest, CommandList, ErrorBody, ResolveRequest, StageRequest};
 
@@ -27,6 +28,7 @@ const WHY_MAX: usize = 500;
 pub fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::new()
         .routes(routes!(commands, stage))
+        .routes(routes!(checks))
         .routes(routes!(command))
         .routes(routes!(arm))
         .routes(routes!(send))
@@ -100,6 +102,20 @@ async fn stage(
         ground.stage(now, command)?
     };
     Ok((StatusCode::CREATED, Json(logged.written().await?)))
+}
+
+/// A dry run, check by check: everything that staging, arming, sending and the rover's own beginning
+/// would look at, whether it passes or not. Nothing is staged. Refused is only what is no request.
+#[utoipa::path(
+    post, path = "/commands/checks", tag = "commands", request_body = StageRequest,
+    responses((status = 200, body = DryRun), (status = 409, body = ErrorBody))
+)]
+async fn checks(
+    State(app): State<AppState>,
+    Operator(who): Operator,
+    Body(request): Body<StageRequest>,
+) -> Result<Json<DryRun>, ApiError> {
+    Ok(Json(staging::dry_run(&app, &who, &request)?))
 }
 
 /// A command.

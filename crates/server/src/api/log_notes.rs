@@ -109,6 +109,9 @@ async fn make_clip(
             let _ = std::fs::remove_file(folder.join(format!("{clip}.mcap")));
             return Err(ApiError::new("log_empty", "no message of the log is in that clip"));
         }
+        if let Some(attached) = &note.bookmarks {
+            bookmarks::take_along(&folder, &clip, attached)?;
+        }
         Ok(catalog::log_info(&folder, &clip)?)
     })
     .await?;

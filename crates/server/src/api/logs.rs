@@ -9,7 +9,9 @@ use bridge::replay::{RATES, ReplayError};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 use wire::live::JobReport;
-use wire::resources::{ErrorBody, LogInfo, LogList, ReplayChange, ReplayRequest, ReplayState};
+use wire::resources::{
+    ErrorBody, LogInfo, LogList, ReplayChange, ReplayMargins, ReplayRequest, ReplayState,
+};
 
 use crate::app::AppState;
 use crate::body::{Body, Path};
@@ -23,6 +25,7 @@ pub fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(log))
         .routes(routes!(replays, start_replay))
         .routes(routes!(replay, change_replay, end_replay))
+        .routes(routes!(replay_margins))
 }
 
 /// The flight logs, newest first.
@@ -161,6 +164,27 @@ async fn change_replay(
     Body(change): Body<ReplayChange>,
 ) -> Result<Json<ReplayState>, ApiError> {
     Ok(Json(app.replays.get(&id)?.change(&change)?))
+}
+
+/// How the margins went before the place of a replay: the least of each half second of the last five minutes.
+#[utoipa::path(
+    get, path = "/replays/{id}/margins", tag = "logs",
+    params(("id" = String, Path, description = "The replay")),
+    responses((status = 200, body = ReplayMargins), (status = 404, body = ErrorBody))
+)]
+async fn replay_margins(
+    State(app): State<AppState>,
+    Path(id): Path<String>,
+) -> Result<Json<ReplayMargins>, ApiError> {
+    let player = app.replays.get(&id)?;
+    let stop = Stop::after(Some(OPEN_DEADLINE_S))?;
+    // Whoever goes away ends the reading.
+    let guard = stop.guard();
+    let answer = tokio::task::spawn_blocking(move || player.margins(&stop))
+        .await
+        .map_err(|error| ApiError::internal("reading the log", error))??;
+    drop(guard);
+    Ok(Json(answer))
 }
 
 /// Ends a replay.

@@ -14,6 +14,7 @@ use crate::app::AppState;
 use crate::body::{Body, Path};
 use crate::error::ApiError;
 use crate::plans::{self, Asked, StoredPlan, When};
+use crate::reconstruction::contact;
 use crate::scene::Context;
 use crate::staging;
 use crate::stop::Stop;
@@ -98,6 +99,7 @@ fn in_background(
             Ok(permit) => permit,
             Err(error) => return job.end(Err(error)),
         };
+        contact::settled(&app).await;
         // A job that ends by a fault says so by itself.
         let work = move || {
             let _place = permit;

@@ -19,6 +19,7 @@ use wire::resources::{
 use crate::app::AppState;
 use crate::body::{Body, Operator, Path, Query};
 use crate::error::ApiError;
+use crate::stop::Stop;
 use crate::terrain_store::ExportFormat;
 use crate::{import, terrains};
 
@@ -120,7 +121,8 @@ async fn cell(
 #[derive(Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 struct ExportQuery {
-    /// `tif` (heights and layers), `obj` or `ply` (the surface as triangles).
+    /// `tif` (heights and layers), `obj` or `ply` (the surface as triangles), `classes` (traversability as bytes)
+    /// or `texture` (camera images).
     #[serde(default)]
     #[param(inline)]
     format: ExportFormat,
@@ -150,9 +152,14 @@ async fn export(
     let (ending, media_type) = query.format.names();
     let name = format!("attachment; filename=\"terrain-{}.{ending}\"", version.info.version);
     let permit = app.gate.enter().await?;
+    let stop = Stop::after(Some(super::drape::TEXTURE_DEADLINE_S))?;
+    let (robot, rig) = (app.live.robot().clone(), app.live.rig().clone());
     let work = move || {
         let _place = permit;
-        version.export(query.format, error_m)
+        if query.format == ExportFormat::Texture {
+            return Ok(version.texture(&robot, &rig, &stop)?.geotiff()?);
+        }
+        version.export(query.format, error_m).map_err(ApiError::from)
     };
     let bytes = tokio::task::spawn_blocking(work)
         .await

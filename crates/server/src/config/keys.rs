@@ -32,7 +32,7 @@ const fn text(path: &'static str, kind: &'static str) -> Key {
 
 /// All keys, in the order of `config/demo.toml`.
 #[rustfmt::skip]
-pub const KEYS: [Key; 56] = [
+pub const KEYS: [Key; 57] = [
     text("server.bind", "loopback address"),
     number("server.port", "", 0.0, 65535.0),
     text("server.terrain_dir", "folder"),
@@ -89,6 +89,7 @@ pub const KEYS: [Key; 56] = [
     number("traversability.unsafe_below", "", 0.0, 1.0),
     number("traversability.caution_below", "", 0.0, 1.0),
     number("traversability.certainty_caution_below", "", 0.0, 1.0),
+    number("traversability.doubt_sigmas", "", 0.0, 10.0),
 ];
 
 impl Key {

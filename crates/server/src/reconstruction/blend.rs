@@ -5,11 +5,13 @@ use std::sync::Arc;
 
 use bridge::images::ReceivedImage;
 use nalgebra::Point3;
-use rover::{Posture, Robot};
+use rover::Robot;
 use stereo::StereoError;
 use stereo::rig::Rig;
+use stereo::sag::{LegSights, hip_turns_of};
+use stereo::self_mask::PostureErrors;
 use terrain::ElevationMap;
-use terrain::fusion::{AlignSettings, MapVersion};
+use terrain::fusion::{AlignSettings, MapVersion, PairDem};
 use wire::check::At;
 use wire::convert;
 use wire::reconstruction::{PairStage, ReconstructedPair, RecordedPair, SeenStep};
@@ -17,6 +19,7 @@ use wire::time::Timestamp;
 
 use super::pictures::PairPictures;
 use super::{Blended, PairImages, add_prior, pair, stereo_error};
+use crate::drape::Shot;
 use crate::error::ApiError;
 use crate::stop::Stop;
 use crate::terrains::terrain_error;
@@ -50,12 +53,20 @@ pub(super) struct Blend {
     pub before: Arc<MapVersion>,
     pub pairs: Vec<ReconstructedPair>,
     pub pictures: BTreeMap<String, PairPictures>,
+    /// Turns of hips beyond what was reported, by what was seen of the legs (rad).
+    pub sag: BTreeMap<String, f64>,
 }
 
 impl PairSource {
     /// When it was taken, on board.
     pub fn time(&self) -> Timestamp {
         self.images[0].head.time
+    }
+
+    /// Its left image, for textures.
+    fn left(&self) -> Shot {
+        let image = self.images[0].clone();
+        Shot { pair: self.pair.clone(), capture: self.capture.clone(), image }
     }
 
     /// As the log names it.
@@ -82,58 +93,78 @@ pub(super) fn blend(
     blended.keep_prior = step.keep_prior;
     let before: Arc<MapVersion> = blended.mapper.version().clone();
     let mut pictures = BTreeMap::new();
-    let mut pairs: Vec<ReconstructedPair> = Vec::with_capacity(sources.len());
-    let mut dems = Vec::with_capacity(sources.len());
-    let settings = AlignSettings { cells_min: FIT_CELLS_MIN, ..AlignSettings::default() };
-    for (i, source) in sources.iter().enumerate() {
-        let refuse = |error: StereoError| stereo_error(stop, &source.pair, &error);
-        tell(i, PairStage::Received);
-        let images = images_of(site, source, stop)?;
-        let seen = pair::measure(&images, site.robot, stop).map_err(refuse)?;
-        tell(i, PairStage::Matched);
-        stop.check()?;
-        pictures.insert(source.pair.clone(), seen.pictures(&images));
-        let (mut answer, dem) = pair::map_of(&images, &seen, step.resolution_m, step.region)?;
-        answer.capture = source.capture.clone();
-        pairs.push(answer);
-        dems.push(dem.map(|dem| Arc::new(dem.seen_from(view_of(site.rig, &source.pair)))));
-    }
-    // What was taken at one instant is from one stand: fitted together.
+    let mut pairs: Vec<Option<ReconstructedPair>> = vec![None; sources.len()];
+    let mut sag = BTreeMap::new();
+    // What was taken at one instant is from one stand: the legs are looked at by all of it, and its maps are fitted
+    // together.
     let mut captures: Vec<(Timestamp, &str)> =
         sources.iter().map(|source| (source.time(), source.capture.as_str())).collect();
     captures.sort_unstable();
     captures.dedup();
+    let settings = AlignSettings { cells_min: FIT_CELLS_MIN, ..AlignSettings::default() };
     for (time, capture) in captures {
-        let stand: Vec<usize> = (0..sources.len())
-            .filter(|&i| sources[i].capture == capture && dems[i].is_some())
-            .collect();
-        if stand.is_empty() {
+        let stand: Vec<usize> =
+            (0..sources.len()).filter(|&i| sources[i].capture == capture).collect();
+        let mut seen = Vec::with_capacity(stand.len());
+        for &i in &stand {
+            let (source, refuse) = (&sources[i], |e| stereo_error(stop, &sources[i].pair, &e));
+            tell(i, PairStage::Received);
+            let images = images_of(site, source, stop)?;
+            let (matched, drawn) = pair::matched(&images, site.robot, stop).map_err(refuse)?;
+            tell(i, PairStage::Matched);
+            stop.check()?;
+            pictures.insert(source.pair.clone(), drawn);
+            seen.push((i, images, matched));
+        }
+        let Some(reported) = seen.first().map(|(_, images, _)| images.reported.clone()) else {
             continue;
+        };
+        let sights: Vec<LegSights> =
+            seen.iter_mut().map(|(_, _, matched)| std::mem::take(&mut matched.sights)).collect();
+        let turns = hip_turns_of(&sights, site.robot, &reported, &PostureErrors::default());
+        drop(sights);
+        let legs = site.robot.legs().iter().zip(&turns).filter(|(_, turn)| **turn != 0.0);
+        sag.extend(legs.map(|(leg, turn)| (leg.name.clone(), *turn)));
+        let mut dems: Vec<(usize, Arc<PairDem>)> = Vec::with_capacity(seen.len());
+        for (i, images, matched) in seen {
+            stop.check()?;
+            let name = &sources[i].pair;
+            let points = pair::measure(&images, &matched, site.robot, &turns)
+                .map_err(|error| stereo_error(stop, name, &error))?;
+            let (mut answer, dem) =
+                pair::map_of(&images, &matched, &points, step.resolution_m, step.region)?;
+            answer.capture = sources[i].capture.clone();
+            pairs[i] = Some(answer);
+            let view = view_of(site.rig, name);
+            dems.extend(dem.map(|dem| (i, Arc::new(dem.seen_from(view)))));
         }
         let numbers = blended.next_source..;
-        let numbered = numbers.zip(stand.iter().filter_map(|&i| dems[i].clone()));
+        let numbered = numbers.zip(dems.iter().map(|(_, dem)| dem.clone()));
         let fits = blended
             .mapper
             .add_pairs(numbered.collect(), ns(time), &settings)
             .map_err(|error| terrain_error(&At::root("cameras"), &error))?;
-        for (i, fitted) in stand.into_iter().zip(fits) {
+        for ((i, _), fitted) in dems.into_iter().zip(fits) {
             let number = blended.next_source;
             blended.next_source += 1;
             blended.names.insert(number, sources[i].pair.clone());
-            let answer = &mut pairs[i];
+            blended.shots.keep(number, sources[i].left());
+            let Some(answer) = &mut pairs[i] else { continue };
             answer.source = Some(number);
             answer.shift_m = fitted.correction.translation_m.into();
             answer.yaw_rad = fitted.correction.yaw_rad;
             answer.fit_refused = fitted.refusal.is_some();
         }
     }
+    let pairs: Vec<ReconstructedPair> = pairs.into_iter().flatten().collect();
     (0..sources.len()).for_each(|i| tell(i, PairStage::Fused));
     if pairs.iter().any(|pair| pair.cells > 0) {
         let wheels: Vec<Point3<f64>> = step.wheels_m.iter().map(|p| Point3::from(*p)).collect();
         let radii = site.robot.leg_ids().map(|leg| site.robot.leg(leg).wheel.radius);
         blended.touch(&wheels, radii.fold(0.0, f64::max), ns(step.time))?;
+        blended.stood = wheels;
     }
-    Ok(Blend { before, pairs, pictures })
+    Ok(Blend { before, pairs, pictures, sag })
 }
 
 /// The number of a pair's view: what one pair sees again and again errs the same way.
@@ -154,6 +185,7 @@ fn images_of(site: &Site<'_>, source: &PairSource, stop: &Stop) -> Result<PairIm
     let images = [decode(left)?, decode(right)?];
     let pair = camera.resized(images[0].size()).map_err(refuse)?;
     let state = &left.head.state;
-    let configuration = convert::configuration(&At::root("state"), site.robot, state)?;
-    Ok(PairImages { pair, posture: Posture::new(site.robot, &configuration), images })
+    let reported = convert::configuration(&At::root("state"), site.robot, state)?;
+    let share = images[0].size().width as f64 / camera.left.size().width as f64;
+    Ok(PairImages { pair, share, reported, images })
 }

@@ -1,12 +1,15 @@
 //! One pair: its images, the points that they show, and the map of these.
 
-use rover::{Posture, Robot};
-use stereo::matching::Matching;
-use stereo::pair::{PairOptions, Reconstruction, reconstruct};
+use rover::{Configuration, Posture, Robot};
+use stereo::matching::{Disparity, Matching};
+use stereo::pair::{PairHealth, PairOptions, Reconstruction, reconstruct};
 use stereo::ray::RayScene;
+use stereo::rectification::RectifiedGeometry;
+use stereo::render::CalibrationErrors;
 use stereo::rig::CameraPair;
+use stereo::sag::{LegSights, turned};
 use stereo::self_mask::{LinkSigmas, MaskOptions, PostureErrors, TagCounts, tag_robot};
-use stereo::surface::{Tag, TriangulateOptions};
+use stereo::surface::{CommonErrors, Surface, Tag, TriangulateOptions, triangulate};
 use stereo::{GrayImage, StereoError};
 use terrain::TerrainError;
 use terrain::fusion::{self, Measurement, PairDem, RasterizeOptions, rasterize};
@@ -27,62 +30,98 @@ const HEIGHT_SIGMA_MAX_M: f64 = 0.1;
 pub struct PairImages {
     /// The pair, its cameras as large as the images.
     pub pair: CameraPair,
-    /// The posture that the rover reported when they were taken.
-    pub posture: Posture,
+    /// Columns of the images as a share of those that the cameras have.
+    pub share: f64,
+    /// Where the rover reported to be when they were taken.
+    pub reported: Configuration,
     /// Left and right.
     pub images: [GrayImage; 2],
 }
 
+/// A pair, matched: little enough to be kept until all pairs of its stand are.
+pub struct Matched {
+    geometry: RectifiedGeometry,
+    disparity: Disparity,
+    health: PairHealth,
+    /// What it saw near the legs.
+    pub sights: LegSights,
+}
+
 /// The points of a pair, the robot's own tagged.
 pub struct Seen {
-    found: Reconstruction,
+    surface: Surface,
     counts: TagCounts,
 }
 
-impl Seen {
-    /// The images and disparities, to be looked at.
-    pub fn pictures(&self, images: &PairImages) -> PairPictures {
-        pictures::draw(&images.images, &self.found)
-    }
-}
-
-/// The points that the images show in `world`, the robot's own tagged by the reported posture.
-pub fn measure(images: &PairImages, robot: &Robot, stop: &Stop) -> Result<Seen, StereoError> {
-    let PairImages { pair, posture, images: [left, right] } = images;
-    let cameras = pair.cameras(posture);
+/// Matches the images; gives pictures of them too.
+pub fn matched(
+    images: &PairImages,
+    robot: &Robot,
+    stop: &Stop,
+) -> Result<(Matched, PairPictures), StereoError> {
+    let PairImages { pair, reported, images: [left, right], .. } = images;
+    let cameras = pair.cameras(&Posture::new(robot, reported));
     let baseline = (cameras[1].center() - cameras[0].center()).norm();
     // As many as the nearest depth that counts has.
     let nearest_px = cameras[0].focal()[0] * baseline / pair.range[0];
     let disparities = (nearest_px.ceil() + 1.0).clamp(32.0, 128.0) as usize;
     let options = PairOptions {
         matching: Matching { disparities, threads: THREADS, ..Matching::default() },
-        triangulate: TriangulateOptions { range: pair.range, ..TriangulateOptions::default() },
+        triangulate: triangulation(pair),
         ..PairOptions::default()
     };
     let asked = || stop.asked();
-    let mut found = reconstruct([&cameras[0], &cameras[1]], [left, right], &options, &asked)?;
-    let scene = RayScene::new(None, Some((robot, posture)));
-    let sigmas = LinkSigmas::new(robot, posture, &PostureErrors::default());
-    let counts = tag_robot(&mut found.surface, &scene, &sigmas, &MaskOptions::default())?;
-    Ok(Seen { found, counts })
+    let found = reconstruct([&cameras[0], &cameras[1]], [left, right], &options, &asked)?;
+    let pictures = pictures::draw(&images.images, &found);
+    let sights = LegSights::of(&found.surface, robot, reported, &PostureErrors::default());
+    let Reconstruction { disparity, surface, health, .. } = found;
+    Ok((Matched { geometry: surface.geometry, disparity, health, sights }, pictures))
+}
+
+fn triangulation(pair: &CameraPair) -> TriangulateOptions {
+    TriangulateOptions { range: pair.range, ..TriangulateOptions::default() }
+}
+
+/// The points that a pair shows in `world`, the robot's own tagged. `turns` mend the reported hips
+/// ([`stereo::sag`]).
+pub fn measure(
+    images: &PairImages,
+    matched: &Matched,
+    robot: &Robot,
+    turns: &[f64],
+) -> Result<Seen, StereoError> {
+    let mut surface =
+        triangulate(&matched.geometry, &matched.disparity, &triangulation(&images.pair))?;
+    let posture = Posture::new(robot, &turned(&images.reported, turns));
+    let scene = RayScene::new(None, Some((robot, &posture)));
+    let sigmas = LinkSigmas::new(robot, &posture, &PostureErrors::default());
+    let counts = tag_robot(&mut surface, &scene, &sigmas, &MaskOptions::default())?;
+    Ok(Seen { surface, counts })
+}
+
+/// What the calibration of a pair is taken to be off by, in pixels of its images: the rig's usual errors.
+fn calibration(images: &PairImages) -> CalibrationErrors {
+    let usual = CalibrationErrors::default();
+    CalibrationErrors { intrinsics_px: usual.intrinsics_px * images.share, ..usual }
 }
 
 /// The elevation map of the points, none where they show no ground, and what to tell of the pair.
 pub fn map_of(
     images: &PairImages,
+    matched: &Matched,
     seen: &Seen,
     resolution_m: f64,
     region: Option<MapRegion>,
 ) -> Result<(ReconstructedPair, Option<PairDem>), RequestError> {
-    let Seen { found, counts } = seen;
-    let health = &found.health;
+    let (Seen { surface, counts }, Matched { health, geometry, .. }) = (seen, matched);
     // Height above a slope is less sure than height above level ground.
     let up = health.ground.map(|plane| plane.normal).filter(|normal| normal.z > 0.5);
     let up = up.map_or_else(nalgebra::Vector3::z, |normal| normal / normal.z);
+    let common = CommonErrors::of(&calibration(images), geometry);
     let measurement = |point: &stereo::surface::SurfacePoint| Measurement {
         position_m: point.position,
         height_variance_m2: up.dot(&(point.covariance * up)).max(1e-12),
-        common_variance_m2: 0.0,
+        common_variance_m2: common.height_variance(geometry, point, &up),
         footprint_m: point.footprint,
         tag: match point.tag {
             Tag::Terrain => fusion::Tag::Terrain,
@@ -96,8 +135,7 @@ pub fn map_of(
             off.norm() <= region.radius_m
         })
     };
-    let points: Vec<Measurement> =
-        found.surface.points.iter().map(measurement).filter(inside).collect();
+    let points: Vec<Measurement> = surface.points.iter().map(measurement).filter(inside).collect();
     let options = RasterizeOptions {
         resolution_m,
         variance_max_m2: HEIGHT_SIGMA_MAX_M * HEIGHT_SIGMA_MAX_M,

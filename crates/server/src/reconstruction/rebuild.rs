@@ -101,6 +101,9 @@ pub fn rebuild(
     Ok(rebuilt)
 }
 
+/// Of a version that goes on from none.
+const UNTOLD: &str = "the log does not tell what it goes on from";
+
 type Heads = BTreeMap<ImageName, ImageReceived>;
 
 /// The blended map of a record, or what is missing; none where no camera made the map.
@@ -143,6 +146,11 @@ fn make(
         MapStep::Removed { source } => changed(before, Change::Remove(*source)),
         MapStep::Fit { source, fitted } => changed(before, Change::Fit(*source, *fitted)),
         MapStep::Selected {} => Ok(Ok(before)),
+        MapStep::Contact(step) => {
+            let Some(mut blended) = before else { return Ok(Err(UNTOLD.into())) };
+            blended.contacts(step)?;
+            Ok(Ok(Some(blended)))
+        }
     }
 }
 
@@ -169,7 +177,7 @@ fn changed(
     change: Change,
 ) -> Result<Result<Option<Blended>, String>, ApiError> {
     let Some(mut blended) = before else {
-        return Ok(Err("the log does not tell what it goes on from".into()));
+        return Ok(Err(UNTOLD.into()));
     };
     blended.apply(change)?;
     Ok(Ok(Some(blended)))

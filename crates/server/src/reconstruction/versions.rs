@@ -64,6 +64,9 @@ impl Blended {
             map: self.mapper.version().clone(),
             pairs: self.names.clone(),
             captures: self.captures.clone(),
+            shots: self
+                .shots
+                .placed(self.mapper.pairs().map(|p| (p.source, p.alignment.correction))),
             changes,
         }
     }
@@ -95,6 +98,7 @@ impl Blended {
                 self.mapper.remove(source).map_err(refuse)?;
                 self.captures.remove(at);
                 self.names.remove(&source);
+                self.shots.remove(source);
                 self.found.remove(&source);
                 Ok((VersionStep::Removed, format!("without {name}")))
             }
@@ -246,7 +250,7 @@ fn changed(
         app,
         who,
         made,
-        n_grounds,
+        &InUse { n_grounds, version: None },
         &format!("map changed: {what}"),
         (Some(blended), change.step()),
     )?;
@@ -272,19 +276,28 @@ pub fn select(app: &AppState, who: &str, name: &str) -> Result<TerrainVersion, A
         app,
         who,
         version,
-        n_grounds,
+        &InUse { n_grounds, version: None },
         &format!("map {name} is in use again"),
         (blended, MapStep::Selected {}),
     )?;
     Ok(info)
 }
 
-/// Puts a version in use, unless the rover was placed on other ground meanwhile.
+/// What a version was made from, which must still be so when it is put in use.
+pub(super) struct InUse {
+    /// Number of the ground that the rover stands on.
+    pub n_grounds: u64,
+    /// The version in use; none where it need not be the same.
+    pub version: Option<String>,
+}
+
+/// Puts a version in use, unless the rover was placed on other ground meanwhile, or what it was made from is
+/// in use no more.
 pub(super) fn put(
     app: &AppState,
     who: &str,
     version: Arc<Version>,
-    n_grounds: u64,
+    of: &InUse,
     text: &str,
     (blended, step): (Option<Blended>, MapStep),
 ) -> Result<(), ApiError> {
@@ -296,9 +309,12 @@ pub(super) fn put(
     // The ground of the link first: an import holds it when it changes what the rover stands on.
     let (mut ground, now) = app.live.locked();
     let mut kept = app.reconstructions.locked();
-    if kept.n_grounds != n_grounds {
+    if kept.n_grounds != of.n_grounds {
         let message = "another ground was imported meanwhile; ask again";
         return Err(ApiError::new("cancelled", message));
+    }
+    if of.version.as_ref().is_some_and(|made_from| *made_from != app.store.current().info.version) {
+        return Err(ApiError::new("cancelled", "another map was put in use meanwhile"));
     }
     let record = MapRecord {
         terrain_version: notice.version.clone(),

@@ -6,6 +6,7 @@ use bridge::catalog;
 use bridge::commands::EstopMemory;
 use bridge::reader::{IndexedLog, Limits, LogMessage, ReadError};
 use wire::live::{CommandEvent, EstopState, LinkReport, Uplink, channel};
+use wire::reconstruction::MapRecord;
 use wire::time::Timestamp;
 
 /// What the last session left.
@@ -15,6 +16,8 @@ pub struct LastSession {
     pub commands: Vec<CommandEvent>,
     /// Its E-stop.
     pub estop: EstopMemory,
+    /// The map that cameras had made, in use at its end.
+    pub seen_map: Option<String>,
 }
 
 /// What is in the newest log; nothing where there is none. By the index: of what is sealed, only the
@@ -30,7 +33,11 @@ pub fn read(dir: &Path) -> LastSession {
     };
     let Some(log) = newest else { return LastSession::default() };
     let read = catalog::open_log(dir, &log.id, Limits::default()).and_then(|mut opened| {
-        let last = LastSession { commands: commands(&mut opened)?, estop: estop(&mut opened)? };
+        let last = LastSession {
+            commands: commands(&mut opened)?,
+            estop: estop(&mut opened)?,
+            seen_map: seen_map(&mut opened)?,
+        };
         opened.damage().iter().for_each(|damage| {
             tracing::warn!("the log {} of the last session is damaged: {damage}", log.id);
         });
@@ -51,6 +58,15 @@ fn commands(log: &mut IndexedLog) -> Result<Vec<CommandEvent>, ReadError> {
         tracing::warn!("{n_bad} command events of the last session cannot be read");
     }
     Ok(events)
+}
+
+/// The map in use at the end, if cameras made it.
+fn seen_map(log: &mut IndexedLog) -> Result<Option<String>, ReadError> {
+    let Some(last) = log.pieces_of(channel::MAP).last().copied() else { return Ok(None) };
+    let messages = log.read(last as usize)?;
+    let records = messages.iter().filter(|message| *message.channel == *channel::MAP);
+    let last = records.filter_map(|m| serde_json::from_slice::<MapRecord>(&m.data).ok()).last();
+    Ok(last.filter(|record| record.blended.is_some()).map(|record| record.terrain_version))
 }
 
 /// What the log tells of an E-stop.

@@ -46,6 +46,32 @@ pub(super) fn checked(
     Ok((title(body), preview.duration_s))
 }
 
+/// The steps of a sequence as they are foreseen: how long each takes (s), up to the first that the rover
+/// would not begin, and why.
+pub(super) fn foreseen(
+    app: &AppState,
+    frame: &RoverTelemetry,
+    now: &Configuration,
+    steps: &[SequenceStep],
+) -> Result<(Vec<f64>, Option<String>), ApiError> {
+    let rover = rover_as(app, frame, now)?;
+    let durations_of = |steps: &[SequenceStep]| {
+        let body = CommandBody::Sequence { steps: steps.to_vec() };
+        let motion =
+            motion_of(app.live.robot(), &body, app.clock.now()).map_err(|why| (None, why))?;
+        let preview = rover.preview(&motion);
+        preview.map(|p| p.steps_s).map_err(|error| (error.step, error.refusal.to_string()))
+    };
+    Ok(match durations_of(steps) {
+        Ok(steps_s) => (steps_s, None),
+        // The steps before the one that is refused are foreseen by themselves.
+        Err((step, why)) => match step.unwrap_or(0) {
+            0 => (Vec::new(), Some(why)),
+            n => (durations_of(&steps[..n]).unwrap_or_default(), Some(why)),
+        },
+    })
+}
+
 /// The rover as last reported, on the ground's map.
 fn rover_as(
     app: &AppState,
@@ -137,6 +163,15 @@ pub(super) fn title(body: &CommandBody) -> String {
             _ => format!("Move {} joints", joints_rad.len()),
         },
         CommandBody::WheelMove { leg, .. } => format!("Move the wheel of {leg}"),
+        CommandBody::WheelLine { leg, .. } => format!("Move the wheel of {leg} straight"),
+        CommandBody::JointPath { leg, knots } => {
+            format!("Move {leg} through {} knots", knots.len())
+        }
+        CommandBody::BodyPath { knots, .. } => {
+            format!("Shift the body through {} knots", knots.len())
+        }
+        CommandBody::Image(_) => "Take images".into(),
+        CommandBody::Stop {} => "Stop".into(),
         CommandBody::BodyMove { .. } => "Move the body".into(),
         CommandBody::WheelBrake { legs, on } => {
             let of = if legs.is_empty() { "all wheels".into() } else { legs.join(", ") };
@@ -162,6 +197,5 @@ pub(super) fn title(body: &CommandBody) -> String {
         }
         CommandBody::Sequence { steps } => format!("Sequence of {} steps", steps.len()),
         CommandBody::CancelRest {} => "Cancel the rest of the sequence".into(),
-        _ => "Command".into(),
     }
 }

@@ -3,11 +3,15 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use geometry::Raster;
 use nalgebra::Point2;
+use terrain::ElevationMap;
 use terrain::fusion::{Cell, Flags, MapVersion};
 use wire::map_version::{VersionChanges, VersionPair};
 use wire::resources::CellSeen;
 use wire::time::Timestamp;
+
+use crate::drape::PlacedShot;
 
 /// Layers of a map that cameras made, beside those of every map. `sigma` (m) and `count` tell how well the
 /// height is known, `age` how long before the newest capture it was seen (s; the tile's time is that of
@@ -25,6 +29,9 @@ mod mask {
     pub const CONTACT: u8 = 6;
 }
 
+/// A cell with so many points is trusted in full, as in [`MapVersion::elevation`].
+const LOOKS: f32 = 4.0;
+
 /// What the first values of `source` stand for; the pairs follow.
 const SOURCE_PRIOR: &str = "map from before";
 const SOURCE_CONTACT: &str = "standing wheels";
@@ -38,6 +45,8 @@ pub struct SeenBy {
     pub pairs: BTreeMap<u32, String>,
     /// The captures in it.
     pub captures: Vec<VersionPair>,
+    /// The images it is made of.
+    pub shots: Vec<PlacedShot>,
     /// What came of it.
     pub changes: Option<VersionChanges>,
 }
@@ -84,6 +93,27 @@ impl Seen {
             "age" => self.newest_ns.map_or(f32::NAN, |newest| {
                 (newest.saturating_sub(cell.time_ns).max(0) as f64 * 1e-9) as f32
             }),
+            _ => f32::NAN,
+        }
+    }
+
+    /// How far each node of a map is to be trusted, 0 to 1: by how often it was seen. What was imported, or a
+    /// wheel stood on, is trusted in full.
+    pub(super) fn trust(&self, map: &ElevationMap) -> Raster<f32> {
+        let grid = *map.grid();
+        Raster::from_fn(grid, |ix, iy| match self.map.cell_at(grid.position(ix, iy)) {
+            Some(cell) if cell.flags.any(Flags::PRIOR | Flags::CONTACT) => 1.0,
+            Some(cell) if cell.is_ground() => (f32::from(cell.count) / LOOKS).min(1.0),
+            _ => 0.0,
+        })
+    }
+
+    /// Standard deviation of the height that its class is to allow for (m): none of a map that was imported, which
+    /// counts as it looks before and after cameras saw some of it; NaN where nothing is known.
+    pub(super) fn doubt_m(&self, p: Point2<f64>) -> f32 {
+        match self.map.cell_at(p) {
+            Some(cell) if cell.flags.any(Flags::PRIOR) => 0.0,
+            Some(cell) if cell.is_ground() => cell.variance_m2.sqrt(),
             _ => f32::NAN,
         }
     }

@@ -36,6 +36,9 @@ fn cases() -> Vec<(&'static str, String, &'static str, &'static str)> {
     vec![
         // the text
         (k, "".into(), "not_json", ""),
+        ("authority/hand-over", "{\"to\":\" \"}".into(), "out_of_range", "to"),
+        ("authority/hand-over", "{\"to\":\"bob\",\"epoch\":1}".into(), "unknown_field", "epoch"),
+        ("commands/checks", "{\"dry\":true}".into(), "unknown_field", "dry"),
         (k, "{".into(), "not_json", ""),
         (k, "{} {}".into(), "not_json", ""),
         (k, "\u{feff}{}".into(), "not_json", ""),

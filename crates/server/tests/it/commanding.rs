@@ -71,6 +71,45 @@ async fn one_operator_commands_at_a_time_and_arming_acquires_the_authority() {
 }
 
 #[tokio::test]
+async fn the_authority_is_asked_for_and_handed_over_without_a_gap() {
+    let ground = Ground::start().await;
+    let command = stage(&ground, "ada").await;
+    let id = command["id"].as_str().unwrap();
+    // Free, it is taken by asking.
+    let taken = post(&ground, "ada", "authority/request", &json!({})).await.json();
+    assert_eq!((&taken["holder"], taken.get("asked_by")), (&json!("ada"), None));
+    assert_eq!(taken["lease_s"], 30.0);
+    let own = post(&ground, "ada", "authority/request", &json!({})).await;
+    assert_eq!((own.status.as_u16(), own.code()), (409, "authority_has_it".into()));
+    post(&ground, "ada", &format!("commands/{id}/arm"), &json!({})).await;
+    let asked = post(&ground, "bob", "authority/request", &json!({})).await.json();
+    assert_eq!((&asked["holder"], &asked["asked_by"]), (&json!("ada"), &json!("bob")));
+    let of_link = ground.get("/api/v1/link").await.json()["authority"].clone();
+    assert_eq!(of_link["asked_by"], "bob", "every console is told");
+    // Only its holder hands it over, to somebody else.
+    let to = |name: &str| json!({ "to": name });
+    let hand_over =
+        async |who: &str, name: &str| post(&ground, who, "authority/hand-over", &to(name)).await;
+    assert_eq!(hand_over("bob", "bob").await.code(), "authority_needed");
+    assert_eq!(hand_over("ada", " ada ").await.code(), "authority_has_it");
+    for name in ["", "  ", "\u{e4}da", "b\nob", &"b".repeat(65)] {
+        let refused = hand_over("ada", name).await;
+        assert_eq!(
+            (refused.code(), refused.json()["error"]["details"]["field"].clone()),
+            ("out_of_range".into(), json!("to")),
+            "{name:?}"
+        );
+    }
+    let handed = hand_over("ada", "bob").await.json();
+    assert_eq!((&handed["holder"], handed.get("asked_by")), (&json!("bob"), None));
+    assert!(handed["epoch"].as_u64() > taken["epoch"].as_u64());
+    let armed = ground.get(&format!("/api/v1/commands/{id}")).await.json();
+    assert_eq!(armed["state"], "staged", "what ada had armed is not sent under bob's authority");
+    assert_eq!(hand_over("ada", "ada").await.code(), "authority_needed");
+    assert_eq!(post(&ground, "bob", "authority/renew", &json!({})).await.status, 200);
+}
+
+#[tokio::test]
 async fn a_command_of_two_persons_and_an_authority_that_must_be_asked_for() {
     let ground = Ground::with(|config| {
         config.commands.two_persons = "joint_path".into();
@@ -161,6 +200,37 @@ async fn the_whole_model_of_the_link_goes_up_and_comes_back() {
     let counters = ground.get("/api/v1/link").await.json()["down"].clone();
     let n = |field: &str| counters[field].as_u64().unwrap();
     assert_eq!(n("sent") + n("duplicated"), n("delivered") + n("dropped") + n("in_flight"));
+}
+
+#[tokio::test]
+async fn what_waits_in_an_outage_is_told_by_queue_and_adds_up() {
+    let ground = Ground::start().await;
+    let report = async || ground.get("/api/v1/link").await.json();
+    assert_eq!(report().await.get("up_queues"), None, "nothing waits");
+    let outage = json!({ "begin": "2026-11-23T11:00:00Z", "end": "2026-11-24T12:00:00Z", "traffic": "hold" });
+    let link = json!({ "up_delay_s": 0.02, "down_delay_s": 0.02, "up": { "outages": [outage] } });
+    assert_eq!(ground.call("PUT", "/api/v1/link", Some(&link)).await.status, 200);
+    let command = stage(&ground, "ada").await;
+    for act in ["arm", "send"] {
+        let path = format!("commands/{}/{act}", command["id"].as_str().unwrap());
+        assert_eq!(post(&ground, "ada", &path, &json!({})).await.status, 200);
+    }
+    let waiting = report().await;
+    let of = |class: &str| {
+        let queues = waiting["up_queues"].as_array().unwrap();
+        queues.iter().find(|queue| queue["class"] == class).cloned().unwrap_or_default()
+    };
+    assert_eq!(of("command")["messages"], 1, "{waiting}");
+    assert_eq!(of("command")["room_bytes"], 16 << 20, "as the queue's default is");
+    assert!(of("command")["bytes"].as_u64().unwrap() > 100);
+    let queues = waiting["up_queues"].as_array().unwrap();
+    let in_all: u64 = queues.iter().map(|queue| queue["messages"].as_u64().unwrap()).sum();
+    assert_eq!(waiting["up"]["queued"], in_all);
+    assert_eq!(waiting.get("down_queues"), None);
+    // Ended by hand, it lets go what it held.
+    let link = json!({ "up_delay_s": 0.02, "down_delay_s": 0.02, "up": {} });
+    assert_eq!(ground.call("PUT", "/api/v1/link", Some(&link)).await.status, 200);
+    ground.until("an empty queue", || async { report().await.get("up_queues").is_none() }).await;
 }
 
 #[tokio::test]

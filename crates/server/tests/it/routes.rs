@@ -198,9 +198,13 @@ async fn a_log_is_listed_downloaded_and_replayed() {
     assert_eq!(damage.unwrap(), []);
     let (_, marks) = attached.iter().find(|(name, _)| name == "footfall.bookmarks").unwrap();
     assert_eq!(serde_json::from_slice::<Value>(marks).unwrap(), listed);
+    // Of the clip they are listed as of any log, and removing them from the log leaves them there.
+    let of_the_clip = format!("/api/v1/logs/{clip}/bookmarks");
+    assert_eq!(ground.get(&of_the_clip).await.json(), listed);
     let gone = format!("/api/v1/logs/{id}/bookmarks/{}", marked.json()["id"].as_str().unwrap());
     assert_eq!(ground.call("DELETE", &gone, None).await.status, 204);
     assert_eq!(ground.call("DELETE", &gone, None).await.code(), "bookmark_unknown");
+    assert_eq!(ground.get(&of_the_clip).await.json(), listed);
     let replay = ground.post("replays", &json!({ "log": id, "rate": 2.0 })).await;
     assert_eq!(replay.status, 201, "{}", replay.json());
     let path = format!("/api/v1/replays/{}", replay.json()["id"].as_str().unwrap());

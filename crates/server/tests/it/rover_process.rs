@@ -13,14 +13,14 @@ use crate::command_line::footfall;
 use crate::support::TempDir;
 
 /// A process that is killed when it is let go.
-struct Process {
+pub struct Process {
     child: Child,
     address: String,
 }
 
 impl Process {
     /// Starts the program and waits for the address that it tells.
-    fn start(arguments: &[&str]) -> Process {
+    pub fn start(arguments: &[&str]) -> Process {
         let mut child = Command::new(env!("CARGO_BIN_EXE_footfall"))
             .args(arguments)
             .stdin(Stdio::null())
@@ -40,6 +40,15 @@ impl Process {
         // What it says later is read, or it would wait.
         std::thread::spawn(move || lines.for_each(drop));
         Process { child, address }
+    }
+
+    pub fn pid(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Waits for its end; its status.
+    pub fn ended(mut self) -> Option<i32> {
+        self.child.wait().unwrap().code()
     }
 
     fn kill(mut self) -> String {
@@ -100,7 +109,7 @@ fn ask(server: &Process, method: &str, path: &str, body: &Value, header: &str) -
     (status, serde_json::from_str(&body).unwrap_or(Value::Null))
 }
 
-fn get(server: &Process, path: &str) -> Value {
+pub fn get(server: &Process, path: &str) -> Value {
     ask(server, "GET", &format!("/api/v1/{path}"), &Value::Null, "").1
 }
 

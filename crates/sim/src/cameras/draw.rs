@@ -9,7 +9,7 @@ use stereo::camera::Camera;
 use stereo::codec::encode;
 use stereo::ray::RayScene;
 use stereo::render::{CalibrationErrors, Light, RenderOptions, Sensor, render};
-use stereo::rig::CameraPair;
+use stereo::rig::{CameraPair, Rig};
 use stereo::{ImageSize, StereoError};
 use terrain::ElevationMap;
 
@@ -23,6 +23,8 @@ pub(super) struct Task {
     pub capture: String,
     /// The pairs, as large as their images.
     pub pairs: Vec<CameraPair>,
+    /// The same as they are by themselves.
+    pub rig: Rig,
     pub robot: Arc<Robot>,
     pub map: ElevationMap,
     pub posture: Posture,
@@ -124,8 +126,11 @@ impl Task {
             return Ok(cameras);
         }
         let usual = CalibrationErrors::default();
+        let width = |pair: &CameraPair| pair.left.size().width as f64;
+        let share = self.rig.pair(&pair.name).map_or(1.0, |whole| width(pair) / width(whole));
         let errors = CalibrationErrors {
-            intrinsics_px: times * usual.intrinsics_px,
+            // In pixels of the whole image: of a smaller one they are fewer.
+            intrinsics_px: times * usual.intrinsics_px * share,
             relative_rad: times * usual.relative_rad,
             pair: times * usual.pair,
             pair_rad: times * usual.pair_rad,

@@ -3,11 +3,9 @@
 use nalgebra::{Matrix3, Point3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rover::{LegId, Posture, Robot, Wrench, vertical_stiffness};
-use stability::loads::{LegSpring, SpringError, compliant_share, load_band, spring_share};
-use stability::torque::ratios;
+use stability::loads::{LegSpring, SpringError, compliant_share, load_band};
 
-use crate::{contacts, hexagon, loaded, without};
+use crate::{hexagon, without};
 
 fn even(n: usize) -> Vec<LegSpring> {
     vec![LegSpring { stiffness_n_m: 10_000.0, pressed_m: 0.0 }; n]
@@ -144,60 +142,4 @@ fn springs_that_are_none_give_no_loads() {
     assert_eq!(compliant_share(&hexagon(), &center(), 100.0, &even(5)), None);
     let error = SpringError { stiffness: 1.0, height_m: 0.0 };
     assert_eq!(load_band(&hexagon(), &center(), 100.0, &even(6), &error), None);
-}
-
-/// Largest share of a torque limit (1) with these loads on the feet.
-fn worst(robot: &Robot, posture: &Posture, feet: &[(LegId, Point3<f64>)], loads: &[f64]) -> f64 {
-    let wrench = |((leg, point), load): (&(LegId, Point3<f64>), &f64)| {
-        (*leg, Wrench { point: *point, force: Vector3::z() * *load })
-    };
-    let ground: Vec<_> = feet.iter().zip(loads).map(wrench).collect();
-    ratios(robot, posture, &ground, 9.81).worst.ratio.abs()
-}
-
-#[test]
-fn equal_springs_seldom_tell_more_torque_than_the_band_of_each_legs_own_stiffness() {
-    // The margin rule and reachability take equal springs; the forces' report has each leg's stiffness and
-    // a band about it, and a stance counts as torque-safe by that.
-    let robot = loaded();
-    let weight = robot.mass() * 9.81;
-    let mut rng = ChaCha8Rng::seed_from_u64(83);
-    let (mut off, mut above) = (Vec::new(), 0);
-    for case in 0..200 {
-        let mut bent = robot.pose("bent").unwrap();
-        for leg in &mut bent.legs {
-            // Feet up to a meter from where they stand in the bent pose.
-            leg[0] += rng.random_range(-0.3..0.3);
-            leg[1] += rng.random_range(-0.3..0.3);
-            leg[2] += rng.random_range(-0.3..0.3);
-        }
-        let posture = Posture::new(&robot, &bent);
-        let com = posture.center_of_mass(&robot);
-        let legs: Vec<usize> = (0..6).filter(|leg| case % 7 != *leg).collect();
-        let feet = contacts(&robot, &posture, &legs);
-        let points: Vec<Point3<f64>> = feet.iter().map(|(_, p)| *p).collect();
-        let springs: Vec<LegSpring> = feet
-            .iter()
-            .map(|(leg, p)| LegSpring {
-                stiffness_n_m: vertical_stiffness(&robot, &posture, *leg, p),
-                pressed_m: 0.0,
-            })
-            .collect();
-        let Some(equal) = spring_share(&points, &com, weight) else { continue };
-        let own = compliant_share(&points, &com, weight, &springs).unwrap();
-        let deflection = weight / springs.iter().map(|s| s.stiffness_n_m).sum::<f64>();
-        let error = SpringError {
-            stiffness: robot.compliance().stiffness_error,
-            height_m: 0.2 * deflection,
-        };
-        let band = load_band(&points, &com, weight, &springs, &error).unwrap();
-        let of = |loads: &[f64]| worst(&robot, &posture, &feet, loads);
-        let (equal, own, most) = (of(&equal), of(&own), of(&band.most_n));
-        off.push((equal - own).abs());
-        above += usize::from(equal > most);
-    }
-    off.sort_by(f64::total_cmp);
-    let median = off[off.len() / 2];
-    assert!(off.len() > 150 && above * 20 <= off.len(), "{above} of {}", off.len());
-    assert!(median < 0.1, "{median}");
 }

@@ -3,9 +3,9 @@
 use geometry::ConvexRegion;
 use nalgebra::{Point2, Point3};
 use stability::support_polygon::{conservative, regular};
-use stability::{SupportError, settlement, spring_share, spring_share_with_preload};
+use stability::{SupportError, settlement, spring_share};
 
-use crate::hexagon;
+use crate::{hexagon, preloaded_share};
 
 fn flat(points: &[(f64, f64)]) -> Vec<Point3<f64>> {
     points.iter().map(|&(x, y)| Point3::new(x, y, 0.0)).collect()
@@ -106,8 +106,7 @@ fn stances_far_from_the_origin_keep_their_region() {
 #[test]
 fn preloads_that_are_none_give_no_loads() {
     let com = Point3::new(0.0, 0.0, 1.0);
-    let share =
-        |weight, preload: &[f64]| spring_share_with_preload(&hexagon(), &com, weight, preload);
+    let share = |weight, preload: &[f64]| preloaded_share(&hexagon(), &com, weight, preload);
     assert_eq!(share(1.0, &[0.0; 5]), None);
     assert_eq!(share(1.0, &[0.0, 0.0, f64::NAN, 0.0, 0.0, 0.0]), None);
     assert_eq!(share(0.0, &[1.0; 6]), None);

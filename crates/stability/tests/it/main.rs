@@ -2,6 +2,7 @@
 
 use nalgebra::{Isometry3, Point3, Vector3};
 use rover::{Configuration, LegId, Payload, Posture, Robot};
+use stability::loads::{LegSpring, compliant_share};
 
 mod compliance;
 mod contact_forces;
@@ -12,6 +13,7 @@ mod kept_region;
 mod linear;
 mod margins;
 mod oracle;
+mod own_springs;
 mod paper;
 mod properties;
 mod regions;
@@ -59,6 +61,18 @@ fn on_plane(robot: &Robot, pose: &str) -> Posture {
 fn contacts(robot: &Robot, posture: &Posture, legs: &[usize]) -> Vec<(LegId, Point3<f64>)> {
     let touch = |leg| posture.wheel(robot, leg).lowest_point(&Vector3::z_axis());
     legs.iter().map(|leg| (LegId(*leg), touch(LegId(*leg)))).collect()
+}
+
+/// Loads of equal springs that would bear `preload_n` in the stance's present shape.
+fn preloaded_share(
+    contacts: &[Point3<f64>],
+    com: &Point3<f64>,
+    weight: f64,
+    preload_n: &[f64],
+) -> Option<Vec<f64>> {
+    let spring = |load: &f64| LegSpring { stiffness_n_m: 2_000.0, pressed_m: load / 2_000.0 };
+    let springs: Vec<LegSpring> = preload_n.iter().map(spring).collect();
+    compliant_share(contacts, com, weight, &springs)
 }
 
 /// The corners of a regular hexagon of 1 m radius, at 60° k, on ground of uneven height.

@@ -3,9 +3,9 @@
 use geometry::ConvexRegion;
 use nalgebra::{Point2, Point3};
 use stability::support_polygon::{conservative, margin, regular};
-use stability::{settlement, spring_share, spring_share_with_preload};
+use stability::{settlement, spring_share};
 
-use crate::{hexagon, without};
+use crate::{hexagon, preloaded_share, without};
 
 #[track_caller]
 fn check(what: &str, value: f64, expected: f64) {
@@ -161,13 +161,13 @@ fn five_equal_springs_of_a_hexagon_carry_five_three_two_three_five() {
 fn a_pressed_foot_of_a_hexagon_keeps_half_of_its_preload_and_relieves_its_neighbors() {
     // The rover yields by the share 1/6 + 1/3 cos(60° k) of the preload at the k-th foot from it.
     let preload = [6.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-    let loads = spring_share_with_preload(&hexagon(), &center(), 60.0, &preload).unwrap();
+    let loads = preloaded_share(&hexagon(), &center(), 60.0, &preload).unwrap();
     for (load, expected) in loads.iter().zip([13.0, 8.0, 10.0, 11.0, 10.0, 8.0]) {
         check("load (N)", *load, expected);
     }
     // One that hangs too high carries nothing: the other five share by their own rule.
     let preload = [-30.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-    let loads = spring_share_with_preload(&hexagon(), &center(), 18.0, &preload).unwrap();
+    let loads = preloaded_share(&hexagon(), &center(), 18.0, &preload).unwrap();
     for (load, expected) in loads.iter().zip([0.0, 5.0, 3.0, 2.0, 3.0, 5.0]) {
         check("load (N)", *load, expected);
     }

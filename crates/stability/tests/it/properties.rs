@@ -5,9 +5,9 @@ use nalgebra::{Point2, Point3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use stability::support_polygon::{conservative, margin, regular};
-use stability::{settlement, spring_share, spring_share_with_preload};
+use stability::{settlement, spring_share};
 
-use crate::oracle;
+use crate::{oracle, preloaded_share};
 
 fn random_stance(rng: &mut ChaCha8Rng, n: usize) -> Vec<Point3<f64>> {
     (0..n)
@@ -218,7 +218,7 @@ fn preloaded_springs_push_only_and_balance_as_the_one_right_set_of_feet_does() {
         let n = rng.random_range(3..9);
         let (stance, com) = (random_stance(&mut rng, n), random_com(&mut rng));
         let preload: Vec<f64> = (0..n).map(|_| rng.random_range(-3_000.0..3_000.0)).collect();
-        let loads = spring_share_with_preload(&stance, &com, 5_000.0, &preload);
+        let loads = preloaded_share(&stance, &com, 5_000.0, &preload);
         let (Some(loads), Some(expected)) =
             (loads, oracle::preloaded_loads(&stance, &com, 5_000.0, &preload))
         else {
@@ -231,7 +231,7 @@ fn preloaded_springs_push_only_and_balance_as_the_one_right_set_of_feet_does() {
         // What all feet have in common, and what a tilt levels, changes nothing.
         let tilt = |(p, own): (&Point3<f64>, &f64)| own + 700.0 - 300.0 * p.x + 450.0 * p.y;
         let tilted: Vec<f64> = stance.iter().zip(&preload).map(tilt).collect();
-        let same = spring_share_with_preload(&stance, &com, 5_000.0, &tilted).unwrap();
+        let same = preloaded_share(&stance, &com, 5_000.0, &tilted).unwrap();
         assert!(same.iter().zip(&loads).all(|(a, b)| (a - b).abs() < 1e-4), "{same:?} {loads:?}");
         idle_feet += loads.iter().filter(|f| **f == 0.0).count();
         compared += 1;

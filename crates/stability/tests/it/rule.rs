@@ -28,7 +28,7 @@ const FIVE: [usize; 5] = [0, 2, 3, 4, 5];
 #[test]
 fn the_six_loads_sum_to_the_weight_and_are_equal() {
     let report = report(&SIX);
-    let loads = report.loads_n.unwrap();
+    let loads = report.loads.unwrap().expected_n;
     let weight = 850.0 * 1.62;
     assert!(loads.iter().all(|f| (f - weight / 6.0).abs() < 1e-6), "{loads:?}");
 }
@@ -113,5 +113,5 @@ fn two_feet_are_no_support() {
     assert!(found.explanation.contains("3 or more"), "{}", found.explanation);
     let report = report(&[0, 3]);
     assert_eq!(report.regular.unwrap_err(), SupportError::TooFewContacts { n_contacts: 2 });
-    assert_eq!((report.settlement, report.loads_n), (None, None));
+    assert_eq!((report.settlement, report.loads), (None, None));
 }

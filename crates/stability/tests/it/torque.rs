@@ -1,15 +1,23 @@
 //! Joint torques against the published figures for the same model and their invariants.
 
-use rover::{LegId, Robot};
-use stability::{assess, torque};
+use nalgebra::Vector3;
+use rover::{LegId, Robot, Wrench};
+use stability::{assess, spring_share, torque};
 
 use crate::{athlete, contacts, loaded, on_plane};
 
-/// Largest |torque| / limit of a pose that stands level on these legs on Earth.
+/// Largest |torque| / limit of a pose that stands level on these legs on Earth, as equal springs.
 fn worst_ratio(robot: &Robot, pose: &str, standing: &[usize]) -> f64 {
     let posture = on_plane(robot, pose);
-    let report = assess(robot, &posture, &contacts(robot, &posture, standing), 9.8);
-    report.torque.worst.ratio.abs()
+    let feet = contacts(robot, &posture, standing);
+    let points: Vec<_> = feet.iter().map(|(_, p)| *p).collect();
+    let com = posture.center_of_mass(robot);
+    let loads = spring_share(&points, &com, robot.mass() * 9.8).expect("the stance holds");
+    let wrench = |((leg, point), load): (&(LegId, _), &f64)| {
+        (*leg, Wrench { point: *point, force: Vector3::z() * *load })
+    };
+    let ground: Vec<_> = feet.iter().zip(&loads).map(wrench).collect();
+    torque::ratios(robot, &posture, &ground, 9.8).worst.ratio.abs()
 }
 
 #[track_caller]

@@ -17,7 +17,7 @@ pub fn read_tsai(text: &str, size: ImageSize) -> Result<Camera, StereoError> {
     let entries = Entries::parse(FORMAT, text)?;
     let first = entries.entries.first().map_or("", |entry| entry.name);
     if first.starts_with("VERSION_") && !["VERSION_3", "VERSION_4"].contains(&first) {
-        let what = format!("version {first:?}");
+        let what = format!("version {:?}", super::shortened(first));
         let hint = "give VERSION_3, VERSION_4, or the model without a version";
         return Err(StereoError::Unsupported { format: FORMAT, what, hint });
     }

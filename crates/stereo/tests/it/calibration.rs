@@ -66,6 +66,8 @@ fn mistakes_in_a_tsai_model_are_named() {
     assert!(wrong("k1 = -0.3\n", "").contains("no k1"));
     assert!(wrong("u_direction = 1", "u_direction = -1").contains("u_direction"));
     assert!(wrong("fu = 620", "VERSION_2\nfu = 620").contains("VERSION_2"));
+    let long = format!("{}\nfu = 620", "VERSION_".repeat(9000));
+    assert!(wrong("fu = 620", &long).len() < 300, "a message stays short");
     assert!(wrong("k1 = -0.3", "PHOTOMETRIX\nk1 = -0.3").contains("PHOTOMETRIX"));
     let small = read_tsai(TSAI, size(512, 384)).unwrap_err();
     assert!(matches!(small, StereoError::PrincipalPoint { .. }), "{small}");
@@ -97,6 +99,7 @@ fn mistakes_in_a_cahvor_model_are_named() {
     assert!(wrong("A = 0 0 1", "A = 0 0 1.2").contains("A has length 1.2"));
     assert!(wrong("R = 0 -0.2 0.05", "R = 0 -0.2 0.05\nE = 1 2 3").contains("CAHVORE"));
     assert!(wrong("CAHVOR =", "CAHVORE =").contains("CAHVORE"));
+    assert!(wrong("R = 0 -0.2", "R = -1 -0.2").contains("R[0] is -1"), "no pixel has a ray");
     assert!(wrong("R = 0 -0.2 0.05\n", "").contains("no R"));
     assert!(wrong("Dimensions = 1024 768\n", "").contains("size of the image"));
     assert!(wrong("Dimensions = 1024 768", "Dimensions = 1e9 1e9").contains("width and height"));

@@ -10,6 +10,7 @@ mod codec;
 mod images;
 mod map_truth;
 mod matching;
+mod ortho;
 mod ray;
 mod rectification;
 mod render;

@@ -11,7 +11,7 @@ use geotiff_reader::geokeys::{PROJ_LINEAR_UNITS, VERTICAL_UNITS};
 pub use geotiff_reader::{GeoTiffFile, GeoTiffOpenOptions};
 use nalgebra::Point2;
 
-pub use super::geotiff_write::write_layers;
+pub use super::geotiff_write::{write_classes, write_layers, write_picture};
 use super::{Crop, ReadOptions, localized};
 use crate::{ElevationMap, Source, TerrainError};
 
@@ -97,7 +97,7 @@ impl Part {
 }
 
 /// Refuses whatever is not a plane in meters.
-fn check_coordinates(file: &GeoTiffFile) -> Result<(), TerrainError> {
+pub(super) fn check_coordinates(file: &GeoTiffFile) -> Result<(), TerrainError> {
     let kind = match file.crs().model_type_enum() {
         ModelType::Geographic => Some("geographic (degrees)"),
         ModelType::Geocentric => Some("geocentric"),
@@ -141,7 +141,7 @@ fn check_plain_heights(file: &GeoTiffFile) -> Result<(), TerrainError> {
 }
 
 /// The grid of the pixel centers in the file's own coordinates, y upward.
-fn grid_of(file: &GeoTiffFile) -> Result<Grid, TerrainError> {
+pub(super) fn grid_of(file: &GeoTiffFile) -> Result<Grid, TerrainError> {
     let base = file.tiff().ifd(file.base_ifd_index()).map_err(geotiff_reader::Error::from)?;
     let scale = base.tag(TAG_PIXEL_SCALE).and_then(|tag| tag.value.as_f64_vec());
     let matrix = base.tag(TAG_TRANSFORMATION).and_then(|tag| tag.value.as_f64_vec());

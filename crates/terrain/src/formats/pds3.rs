@@ -116,8 +116,13 @@ pub fn read(
     localized(grid, &heights, Source::file("pds3"))
 }
 
+/// What a label says, for messages.
+fn short(text: &str) -> String {
+    text.chars().take(40).collect()
+}
+
 fn refuse(key: &str, reason: String) -> TerrainError {
-    TerrainError::Pds3Label { key: key.chars().take(40).collect(), reason }
+    TerrainError::Pds3Label { key: short(key), reason }
 }
 
 impl Image {
@@ -135,20 +140,29 @@ impl Image {
             return Err(refuse("LINES", "LINE_SAMPLES and BANDS are to be 1 or more".into()));
         }
         if let Some(coding) = label.text("IMAGE", "ENCODING_TYPE").filter(|text| *text != "N/A") {
-            return Err(refuse("ENCODING_TYPE", format!("is {coding}: decompress the image")));
+            return Err(refuse(
+                "ENCODING_TYPE",
+                format!("is {}: decompress the image", short(coding)),
+            ));
         }
         let storage = match label.text("IMAGE", "BAND_STORAGE_TYPE") {
             None | Some("BAND_SEQUENTIAL" | "BAND SEQUENTIAL") => Storage::BandSequential,
             Some("LINE_INTERLEAVED" | "LINE INTERLEAVED") => Storage::LineInterleaved,
             Some("SAMPLE_INTERLEAVED" | "SAMPLE INTERLEAVED") => Storage::SampleInterleaved,
             Some(other) => {
-                return Err(refuse("BAND_STORAGE_TYPE", format!("is {other}, which is unknown")));
+                return Err(refuse(
+                    "BAND_STORAGE_TYPE",
+                    format!("is {}, which is unknown", short(other)),
+                ));
             }
         };
         if let Some(unit) = label.text("IMAGE", "UNIT")
             && !["M", "METER", "METERS"].contains(&unit.to_ascii_uppercase().as_str())
         {
-            return Err(refuse("UNIT", format!("is {unit}: convert the heights to meters")));
+            return Err(refuse(
+                "UNIT",
+                format!("is {}: convert the heights to meters", short(unit)),
+            ));
         }
         let sample = sample(label)?;
         let missing = ["MISSING_CONSTANT", "MISSING", "INVALID_CONSTANT", "CORE_NULL"];
@@ -273,7 +287,7 @@ fn sample(label: &Label) -> Result<Sample, TerrainError> {
         "IEEE_REAL" | "FLOAT" | "REAL" | "SUN_REAL" | "MAC_REAL" => (Kind::Real, true),
         "PC_REAL" => (Kind::Real, false),
         other => {
-            let text = format!("is {other}: convert the samples to IEEE_REAL or integers");
+            let text = format!("is {}: convert the samples to IEEE_REAL or integers", short(other));
             return Err(refuse("SAMPLE_TYPE", text));
         }
     };
@@ -292,12 +306,7 @@ fn sample(label: &Label) -> Result<Sample, TerrainError> {
 
 /// A missing constant: a number, or the bits of one in another base, `16#FF7FFFFB#`.
 fn constant(text: &str, sample: Sample) -> Result<f64, TerrainError> {
-    let bad = || {
-        refuse(
-            "MISSING_CONSTANT",
-            format!("{:?} is no number", text.chars().take(40).collect::<String>()),
-        )
-    };
+    let bad = || refuse("MISSING_CONSTANT", format!("{:?} is no number", short(text)));
     let Some((base, rest)) = text.split_once('#') else {
         let value: f64 = text.parse().map_err(|_| bad())?;
         // As it would be stored.
@@ -320,6 +329,7 @@ fn map_of(label: &Label) -> Result<Option<(f64, [f64; 2])>, TerrainError> {
         "METERS/PIXEL" | "METER/PIXEL" | "M/PIXEL" | "M/PIX" | "METERS/PIX" => 1.0,
         "KM/PIXEL" | "KM/PIX" | "KILOMETERS/PIXEL" => 1000.0,
         _ => {
+            let unit = short(&unit);
             let text = format!("has the unit {unit:?}: give it in METERS/PIXEL or KM/PIXEL");
             return Err(refuse("MAP_SCALE", text));
         }

@@ -2,8 +2,58 @@
 
 use geometry::Raster;
 
-use super::{CAUTION, Layers, SAFE, UNKNOWN};
+use super::{CAUTION, CellExplanation, Layers, Limits, SAFE, UNKNOWN};
 use crate::TerrainError;
+
+/// What doubt of the heights makes of a cell.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Doubt {
+    /// Standard deviations that count, k.
+    pub sigmas: f64,
+    /// Standard deviation of the height (m); NaN where there is none.
+    pub sigma_m: f64,
+    /// Step that may be there (m).
+    pub step_m: f64,
+    /// Slope that may be there (rad).
+    pub slope_rad: f64,
+    /// The class as the cell looks.
+    pub class_as_seen: u8,
+}
+
+/// One cell as it looks.
+struct AsSeen {
+    class: u8,
+    slope_rad: f64,
+    roughness_m: f64,
+    step_m: f64,
+    certainty: f32,
+}
+
+impl AsSeen {
+    /// Its class with so much doubt, and what that is made of.
+    fn doubted(&self, sigma_m: f64, k: f64, footprint_m: f64, limits: &Limits) -> (u8, Doubt) {
+        let more = k * std::f64::consts::SQRT_2 * sigma_m;
+        let (step_m, slope_rad) =
+            (self.step_m + more, self.slope_rad + (more / footprint_m).atan());
+        let class_as_seen = self.class;
+        let doubt = Doubt { sigmas: k, sigma_m, step_m, slope_rad, class_as_seen };
+        if self.class == UNKNOWN {
+            return (UNKNOWN, doubt);
+        }
+        if sigma_m.is_nan() {
+            return (self.class.min(CAUTION), doubt);
+        }
+        let [slope, roughness, step] = limits.goodness(slope_rad, self.roughness_m, step_m);
+        let goodness = slope.min(roughness).min(step) as f32;
+        // What may be bad is used with care; what looks bad is bad.
+        let may_be = limits.class(goodness, self.certainty);
+        (if may_be == SAFE { self.class } else { self.class.min(CAUTION) }, doubt)
+    }
+}
+
+fn check(k: f64) -> Result<f64, TerrainError> {
+    TerrainError::check("k", k, [0.0, 10.0], "0 to 10 standard deviations")
+}
 
 impl Layers {
     /// Classes with step and slope as large as `k` standard deviations of the heights allow, 0 to 10. Stereo
@@ -17,7 +67,7 @@ impl Layers {
         sigma_m: &Raster<f32>,
         k: f64,
     ) -> Result<Raster<u8>, TerrainError> {
-        TerrainError::check("k", k, [0.0, 10.0], "0 to 10 standard deviations")?;
+        check(k)?;
         let grid = *self.class.grid();
         if *sigma_m.grid() != grid {
             let (found, expected) = (sigma_m.grid(), &grid);
@@ -25,24 +75,46 @@ impl Layers {
             return Err(TerrainError::OtherGrid { what: "sigma_m", found, expected });
         }
         let class = |ix: usize, iy: usize| {
-            let class = *self.class.at(ix, iy);
-            if class == UNKNOWN {
-                return UNKNOWN;
-            }
-            let sigma = f64::from(*sigma_m.at(ix, iy));
-            if sigma.is_nan() {
-                return class.min(CAUTION);
-            }
-            let more = k * std::f64::consts::SQRT_2 * sigma;
             let of = |layer: &Raster<f32>| f64::from(*layer.at(ix, iy));
-            let slope = of(&self.slope_rad) + (more / self.footprint_m).atan();
-            let [slope, roughness, step] =
-                self.limits.goodness(slope, of(&self.roughness_m), of(&self.step_m) + more);
-            let goodness = slope.min(roughness).min(step) as f32;
-            // What may be bad is used with care; what looks bad is bad.
-            let may_be = self.limits.class(goodness, *self.certainty.at(ix, iy));
-            if may_be == SAFE { class } else { class.min(CAUTION) }
+            let seen = AsSeen {
+                class: *self.class.at(ix, iy),
+                slope_rad: of(&self.slope_rad),
+                roughness_m: of(&self.roughness_m),
+                step_m: of(&self.step_m),
+                certainty: *self.certainty.at(ix, iy),
+            };
+            seen.doubted(of(sigma_m), k, self.footprint_m, &self.limits).0
         };
         Ok(Raster::from_fn(grid, class))
+    }
+
+    /// The layers with their classes replaced by those of [`Layers::cautious_class`]; all else is as it looks.
+    /// [`Layers::update`] gives what it judges again its plain class.
+    pub fn with_doubt(mut self, sigma_m: &Raster<f32>, k: f64) -> Result<Layers, TerrainError> {
+        self.class = self.cautious_class(sigma_m, k)?;
+        Ok(self)
+    }
+}
+
+impl CellExplanation {
+    /// The class of [`Layers::cautious_class`] for this cell, and what it is made of; `None` where slope, roughness or
+    /// step have no value, and the class stays what it is.
+    pub fn doubted(&self, sigma_m: f64, k: f64) -> Result<Option<(u8, Doubt)>, TerrainError> {
+        check(k)?;
+        let (Some(slope), Some(roughness), Some(step)) =
+            (self.slope_rad, self.roughness_m, self.step_m)
+        else {
+            return Ok(None);
+        };
+        let seen = AsSeen {
+            class: self.class,
+            // As the layers keep them.
+            slope_rad: f64::from(slope as f32),
+            roughness_m: f64::from(roughness as f32),
+            step_m: f64::from(step as f32),
+            certainty: self.certainty as f32,
+        };
+        let footprint_m = self.window as f64 * self.resolution_m;
+        Ok(Some(seen.doubted(sigma_m, k, footprint_m, &self.limits)))
     }
 }

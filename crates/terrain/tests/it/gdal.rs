@@ -11,20 +11,20 @@ use terrain::formats::{geotiff, pds3};
 use testkit::{is_installed, shared_data_path};
 
 /// A folder of this test's own.
-fn folder(name: &str) -> PathBuf {
+pub fn folder(name: &str) -> PathBuf {
     let path = std::env::temp_dir().join(format!("footfall-gdal-{name}-{}", std::process::id()));
     std::fs::create_dir_all(&path).unwrap();
     path
 }
 
-fn run(program: &str, arguments: &[&str]) -> String {
+pub fn run(program: &str, arguments: &[&str]) -> String {
     let output = Command::new(program).args(arguments).output().unwrap();
     assert!(output.status.success(), "{program}: {}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).unwrap()
 }
 
 /// A band as GDAL reads it, converted to 64-bit floats, line by line from the top.
-fn gdal_band(file: &Path, band: usize, folder: &Path) -> Vec<f64> {
+pub fn gdal_band(file: &Path, band: usize, folder: &Path) -> Vec<f64> {
     let raw = folder.join(format!("band{band}.raw"));
     let (file, out) = (file.to_str().unwrap(), raw.to_str().unwrap());
     let band = band.to_string();
@@ -132,5 +132,51 @@ fn a_pds3_map_lies_where_gdal_puts_it() {
     // GDAL tells the pixel's corner, we its center.
     assert!((corner[0] + 1.0 - upper_left.x).abs() < 1e-9, "{corner:?}, {upper_left}");
     assert!((corner[3] - 1.0 - upper_left.y).abs() < 1e-9, "{corner:?}, {upper_left}");
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+#[test]
+fn planetary_planes_that_gdal_writes_are_read_where_they_lie_and_degrees_are_refused() {
+    if !is_installed("planetary_planes", "gdal_translate") {
+        return;
+    }
+    let folder = folder("planets");
+    let grid = Grid { origin: Point2::new(0.5, 0.5), resolution: 1.0, nx: 8, ny: 6 };
+    let heights = Raster::from_fn(grid, |ix, iy| (10 * iy + ix) as f32);
+    let (from, to) = (folder.join("from.tif"), folder.join("to.tif"));
+    std::fs::write(&from, geotiff::write_layers(&grid, &[("height_m", &heights)]).unwrap())
+        .unwrap();
+    let translate = |srs: &str, corners: [&str; 4]| {
+        let mut arguments = vec!["-q", "-a_srs", srs, "-a_ullr"];
+        arguments.extend(corners);
+        arguments.extend([from.to_str().unwrap(), to.to_str().unwrap()]);
+        run("gdal_translate", &arguments);
+        geotiff::read(&std::fs::read(&to).unwrap(), &Default::default())
+    };
+    let far = ["-30000", "-1999994", "-29992", "-2000000"];
+    for srs in [
+        // Moon and Mars as spheres: equirectangular, and stereographic about the poles.
+        "+proj=eqc +lat_ts=0 +lat_0=0 +lon_0=0 +x_0=0 +y_0=0 +R=1737400 +units=m +no_defs",
+        "+proj=stere +lat_0=-90 +lon_0=0 +k=1 +x_0=0 +y_0=0 +R=1737400 +units=m +no_defs",
+        "+proj=stere +lat_0=90 +lon_0=0 +k=1 +x_0=0 +y_0=0 +R=1737400 +units=m +no_defs",
+        "+proj=eqc +lat_ts=5 +lat_0=0 +lon_0=180 +x_0=0 +y_0=0 +R=3396190 +units=m +no_defs",
+        "+proj=stere +lat_0=-90 +lon_0=0 +k=1 +x_0=0 +y_0=0 +a=3396190 +b=3376200 +units=m +no_defs",
+    ] {
+        let map = translate(srs, far).unwrap_or_else(|e| panic!("{srs}: {e}"));
+        assert_eq!((map.grid().nx, map.grid().ny, map.grid().resolution), (8, 6, 1.0), "{srs}");
+        // The middle of the lower left pixel in the coordinates of the file, and its height.
+        let corner = map.grid().origin + map.frame_offset().xy();
+        assert!((corner - Point2::new(-29999.5, -1999999.5)).norm() < 1e-6, "{srs}: {corner}");
+        let z = f64::from(*map.heights().at(3, 2)) + map.frame_offset().z;
+        assert!((z - 23.0).abs() < 1e-5, "{srs}: {z}");
+    }
+    for srs in ["+proj=longlat +R=1737400 +no_defs", "+proj=longlat +a=3396190 +b=3376200 +no_defs"]
+    {
+        let refused = translate(srs, ["10.0", "-5.0", "10.008", "-5.006"]).unwrap_err().to_string();
+        assert!(refused.contains("degrees") && refused.contains("project it"), "{srs}: {refused}");
+    }
+    let feet = "+proj=eqc +lat_ts=0 +lat_0=0 +lon_0=0 +R=1737400 +units=us-ft +no_defs";
+    let refused = translate(feet, far).unwrap_err().to_string();
+    assert!(refused.contains("linear"), "{refused}");
     std::fs::remove_dir_all(folder).unwrap();
 }

@@ -194,6 +194,10 @@ fn unusable_labels_are_refused_by_name() {
         let refused = read(&bytes, &ReadOptions::default()).expect_err(to).to_string();
         assert!(refused.contains(expected), "{to:?}: {refused}");
     }
+    // A unit that is not closed is no reason for a message of pages.
+    let text = LABEL.replace("<METERS/PIXEL>", &format!("<{}", "M".repeat(200)));
+    let refused = read(&image(&text), &ReadOptions::default()).unwrap_err().to_string();
+    assert!(refused.len() < 300, "{refused}");
     let unscaled = LABEL.replace("MAP_SCALE = 2.0 <METERS/PIXEL>", "X = 1");
     let options = ReadOptions { cell_m: Some(0.5), ..ReadOptions::default() };
     assert_eq!(read(&image(&unscaled), &options).unwrap().grid().resolution, 0.5);

@@ -11,6 +11,7 @@ mod large;
 mod map;
 mod meshes;
 mod pairs;
+mod pictures;
 mod properties;
 mod real_files;
 mod synthetic;

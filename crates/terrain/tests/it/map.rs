@@ -70,6 +70,14 @@ fn a_footprint_mostly_off_the_map_or_unknown_has_no_plane() {
     assert!(map.footprint_plane(Point2::new(1.0, 0.0), 0.75).is_none(), "half is off the map");
     assert!(map.footprint_plane(Point2::new(0.8, 0.0), 0.75).is_some());
     assert!(map.footprint_plane(Point2::new(f64::NAN, 0.0), 0.75).is_none());
+    for far in [
+        Point2::new(2.5, 0.0),
+        Point2::new(0.0, 2.5),
+        Point2::new(-2.5, -9.0),
+        Point2::new(9.0, 2.0),
+    ] {
+        assert!(map.footprint_plane(far, 0.75).is_none(), "all of it is off the map: {far}");
+    }
     assert!(map.footprint_plane(Point2::origin(), 0.0).is_none());
     let holed = sloping(41, 0.05, |p| if p.x > 0.06 { f64::NAN } else { 0.0 });
     assert!(holed.footprint_plane(Point2::new(0.05, 0.0), 0.75).is_none());

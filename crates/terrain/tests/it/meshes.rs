@@ -96,6 +96,62 @@ fn a_simplified_mesh_keeps_its_bound_everywhere_and_has_no_cracks() {
 }
 
 #[test]
+fn in_every_cell_a_simplified_mesh_is_within_its_bound_and_a_hole_stays_a_hole() {
+    let mut rng = ChaCha8Rng::seed_from_u64(12);
+    for (holes, error_m) in [(0.0, 0.03), (0.01, 0.1), (0.05, 0.01)] {
+        let map = bumpy(&mut rng, 140, 120, holes);
+        let grid = *map.grid();
+        let mesh = HeightMesh::simplified(&map, error_m).unwrap();
+        // Five places in each cell, off all edges that run along nodes.
+        let offsets = [(0.11, 0.13), (0.87, 0.12), (0.47, 0.52), (0.14, 0.85), (0.9, 0.88)];
+        let mut covered = std::collections::HashMap::new();
+        for triangle in &mesh.triangles {
+            let corners = triangle.map(|i| Point3::from(mesh.vertices[i as usize]));
+            let [a, b, c] = corners;
+            let cell =
+                |v: f64, origin: f64| ((v - origin) / grid.resolution).floor().max(0.0) as usize;
+            let ends = |v: [f64; 3], origin: f64, n: usize| {
+                let low = v.into_iter().fold(f64::MAX, f64::min);
+                let high = v.into_iter().fold(f64::MIN, f64::max);
+                cell(low, origin)..(cell(high, origin) + 1).min(n - 1)
+            };
+            for ix in ends(corners.map(|p| p.x), grid.origin.x, grid.nx) {
+                for iy in ends(corners.map(|p| p.y), grid.origin.y, grid.ny) {
+                    for (k, (u, v)) in offsets.into_iter().enumerate() {
+                        let p =
+                            grid.position(ix, iy) + nalgebra::Vector2::new(u, v) * grid.resolution;
+                        let (e, f, w) = (b - a, c - a, p - a.xy());
+                        let det = e.x * f.y - e.y * f.x;
+                        let s = (w.x * f.y - w.y * f.x) / det;
+                        let t = (e.x * w.y - e.y * w.x) / det;
+                        if s < -1e-12 || t < -1e-12 || s + t > 1.0 + 1e-12 {
+                            continue;
+                        }
+                        let z = a.z + s * e.z + t * f.z;
+                        let truth = map.height_at(p).unwrap_or_else(|| panic!("{p} is a hole"));
+                        assert!((z - truth).abs() <= error_m + 1e-9, "{p}: {z}, not {truth}");
+                        *covered.entry((ix, iy, k)).or_insert(0) += 1;
+                    }
+                }
+            }
+        }
+        let (mut n, mut n_holes) = (0, 0);
+        for (ix, iy) in (0..grid.nx - 1).flat_map(|x| (0..grid.ny - 1).map(move |y| (x, y))) {
+            for (k, (u, v)) in offsets.into_iter().enumerate() {
+                let p = grid.position(ix, iy) + nalgebra::Vector2::new(u, v) * grid.resolution;
+                let is_known = map.height_at(p).is_some();
+                assert_eq!(covered.contains_key(&(ix, iy, k)), is_known, "{p}");
+                n += 1;
+                n_holes += usize::from(!is_known);
+            }
+        }
+        assert_eq!(n, 139 * 119 * 5);
+        assert_eq!(n_holes > 0, holes > 0.0);
+        assert!(mesh.triangles.len() < 2 * 139 * 119);
+    }
+}
+
+#[test]
 fn simplifying_saves_triangles_and_says_the_same_to_a_plane() {
     let plane = ElevationMap::plane(16.0, 0.25).unwrap();
     let mesh = HeightMesh::simplified(&plane, 0.0).unwrap();
@@ -286,4 +342,15 @@ fn damaged_meshes_and_clouds_give_an_answer_or_an_error() {
     }
     let cut = obj::read(&originals[0][..originals[0].len() - 4], MAX);
     assert!(matches!(cut, Err(TerrainError::MeshFaceCorners { .. })), "{cut:?}");
+}
+
+#[test]
+fn points_far_apart_are_refused_before_a_map_is_made_of_them() {
+    // 100 m x 100 m at 5 cm are 2001 x 2001 nodes.
+    let bytes = cloud("ascii", XYZ, b"0 0 0 0\n100 0 1 100\n");
+    let options = ReadOptions { max_nodes: 2001 * 2001 - 1, ..ReadOptions::default() };
+    let refused = read_named("a.ply", &bytes, &options).unwrap_err();
+    assert!(matches!(refused, TerrainError::TooManyNodes { n_nodes: 4_004_001, .. }), "{refused}");
+    let options = ReadOptions { cell_m: Some(10.0), max_nodes: 121, ..ReadOptions::default() };
+    assert_eq!(read_named("a.ply", &bytes, &options).unwrap().grid().nx, 11);
 }

@@ -65,7 +65,7 @@ pub struct StateKinematics {
     /// `obstacle` stand for ground and obstacles.
     pub violates_tolerance: Vec<ToleranceViolation>,
     /// Torques that hold the state under gravity, loads shared among the standing wheels as by
-    /// equal springs (N m; forces in N of prismatic joints), by leg from the hip outward.
+    /// springs of each leg's own stiffness (N m; forces in N of prismatic joints), by leg from the hip outward.
     pub joint_torques_nm: BTreeMap<String, Vec<f64>>,
 }
 

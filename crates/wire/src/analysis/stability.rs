@@ -170,8 +170,9 @@ pub struct CaseStability {
     /// Smallest forces of the ground within the friction cones that hold the stance (N); none without
     /// `mass_kg` or where none do. Ropes count as slack.
     pub contact_forces_n: Option<Vec<[f64; 3]>>,
-    /// Vertical load of each foot (N), legs taken as equal springs; none without `mass_kg` or where
-    /// the center of mass is outside the polygon.
+    /// Vertical load of each foot (N), legs taken as springs: of their own stiffness where every contact
+    /// names its leg and the case has a state, else equal ones; none without `mass_kg` or where the center
+    /// of mass is outside the polygon.
     pub spring_loads_n: Option<Vec<f64>>,
     /// True if forces within the friction cones, and the ropes' limits, hold the stance.
     pub stable: bool,

@@ -72,7 +72,7 @@ pub struct Approval {
 }
 
 /// Who may command.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AuthorityReport {
     /// The operator who holds the authority; nobody where absent.
@@ -86,4 +86,13 @@ pub struct AuthorityReport {
     pub epoch: u64,
     /// Must it be acquired before a command is armed? Else arming acquires it.
     pub explicit: bool,
+    /// It lapses this long after the last word of its holder (s); zero where it is not told.
+    #[serde(default)]
+    pub lease_s: f64,
+    /// Who asks its holder for it; nobody where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub asked_by: Option<String>,
+    /// Until when that is asked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub asked_until: Option<Timestamp>,
 }

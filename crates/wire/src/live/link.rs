@@ -286,6 +286,20 @@ pub struct LinkCounters {
     pub bytes_transmitted: u64,
 }
 
+/// What waits in the queue of a class.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct QueueFill {
+    /// The class.
+    pub class: LinkClass,
+    /// Messages that wait for the end of their transmission.
+    pub messages: u64,
+    /// Bytes of them that are not yet transmitted.
+    pub bytes: u64,
+    /// Bytes that the queue takes.
+    pub room_bytes: u64,
+}
+
 /// Messages dropped, by cause.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]

@@ -9,6 +9,8 @@ import { retryNow, useConsole } from "../../store/console";
 import { useServerNow } from "../../store/now";
 import { cancelOpening, useLogs } from "../../store/replay";
 import { StatusMark } from "../../ui/StatusMark";
+import { LogFails } from "./LogFails";
+import { Silence } from "./Silence";
 import "./banner.css";
 
 export function Banner() {
@@ -17,6 +19,8 @@ export function Banner() {
     <>
       {lost && <Lost />}
       {!lost && <RoverLost />}
+      {!lost && <Silence />}
+      {!lost && <LogFails />}
       <Opening />
     </>
   );

@@ -5,6 +5,7 @@ import { useEffect, useState } from "react";
 import { api, sentenceOf } from "../../api/client";
 import type { CellAnswer, Vec3 } from "../../api/types";
 import { cameraLabel } from "../../lib/cameras";
+import { doubtOf } from "../../lib/doubt";
 import { capital, degrees, legLabel, metres, signless } from "../../lib/format";
 import { formatAge, parseTime } from "../../lib/time";
 import { canStand, type Help, isOutOfPlan, reachStyle, whatHelps, whyNot } from "../../lib/whyNot";
@@ -85,6 +86,7 @@ export function CellReadout() {
         <Fact name="certain" value={cell?.certainty == null ? "–" : cell.certainty.toFixed(2)} />
       </dl>
       {cell?.seen && <SeenBy seen={cell.seen} />}
+      {cell?.doubt && <Doubt doubt={cell.doubt} kind={cell.class} />}
       <WhyNot point={point} />
       {failure && <p className="quiet small">{failure}</p>}
       <PickLine pick={pick} shown={pick !== null} />
@@ -112,6 +114,18 @@ function SeenBy({ seen }: { seen: NonNullable<CellAnswer["seen"]> }) {
       )}
       {seen.hidden && <span className="trouble"> hidden by the robot now</span>}
     </p>
+  );
+}
+
+/** That doubt of the heights is in the class, and what it changed. */
+function Doubt({ doubt, kind }: { doubt: NonNullable<CellAnswer["doubt"]>; kind: number }) {
+  const text = doubtOf(doubt, kind);
+  return (
+    text && (
+      <p className="small quiet" data-testid="cell-doubt">
+        {text}
+      </p>
+    )
   );
 }
 

@@ -5,18 +5,15 @@ import { commandClock } from "../../lib/commandClock";
 import { readable } from "../../lib/format";
 import { planProgress } from "../../lib/planProgress";
 import { formatSpan } from "../../lib/time";
-import {
-  arm,
-  commandName,
-  planKey,
-  stagePlanned,
-  takeBack,
-  useRequests,
-} from "../../store/commands";
+import { commandName, planKey, stagePlanned, useRequests } from "../../store/commands";
 import { useLive } from "../../store/console";
 import { useServerNow } from "../../store/now";
 import { useBlocked } from "../../store/permission";
+import { AddToSequence } from "../sequence/AddToSequence";
+import { NextConditions } from "../conditions/NextConditions";
+import { ApprovalLine, ArmActions } from "./ArmActions";
 import { CommandMark } from "./CommandMark";
+import { wayOn } from "../../lib/commandClock";
 import "./commands.css";
 
 export function PlanCommands({ plan }: { plan: PlanAnswer }) {
@@ -38,6 +35,8 @@ export function PlanCommands({ plan }: { plan: PlanAnswer }) {
           );
         })}
       </ol>
+      {!turned && done < plan.commands.length && <NextConditions of="plan" />}
+      {done === 0 && !turned && <AddToSequence plan={plan} />}
     </section>
   );
 }
@@ -70,7 +69,9 @@ export function CommandRow({ of, command, record, why }: RowProps) {
             <span className="num">{formatSpan(command.duration_s)}</span>
           )}
         </span>
+        {record && <ApprovalLine command={record} />}
         {record?.why && <span className="trouble small">{readable(record.why)}</span>}
+        {record && wayOn(record) && <span className="quiet small">{wayOn(record)}</span>}
         {failure && (
           <span className="trouble small" role="alert">
             {failure}
@@ -112,28 +113,7 @@ function Actions({ of, record, why: early, lapsed }: ActionProps) {
     );
   }
   if (record.state === "staged" || (record.state === "armed" && lapsed)) {
-    return (
-      <span className="row command-actions">
-        <button
-          type="button"
-          className="button bare"
-          data-testid={`cancel-${name}`}
-          onClick={() => void takeBack(record.id)}
-        >
-          Cancel
-        </button>
-        <button
-          type="button"
-          className="button primary"
-          data-testid={`arm-${name}`}
-          disabled={blocked !== null || busy[record.id]}
-          title={blocked ?? "Arm for 30 s; sending is done from the strip below"}
-          onClick={() => void arm(record.id)}
-        >
-          Arm
-        </button>
-      </span>
-    );
+    return <ArmActions command={record} cancelId={`cancel-${name}`} armId={`arm-${name}`} />;
   }
   return null;
 }

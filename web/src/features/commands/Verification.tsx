@@ -5,6 +5,7 @@ import { formatSpan, parseOptional } from "../../lib/time";
 import type { Status } from "../../store/causes";
 import { useServerNow } from "../../store/now";
 import { StatusMark } from "../../ui/StatusMark";
+import "./commands.css";
 
 type Stage = NonNullable<CommandRecord["verification"]>[number];
 

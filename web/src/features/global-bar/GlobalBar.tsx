@@ -12,6 +12,7 @@ import { shown } from "../../store/streamState";
 import { useView } from "../../store/view";
 import { Popover } from "../../ui/Popover";
 import { StatusMark } from "../../ui/StatusMark";
+import { AuthorityMenu } from "../authority/AuthorityMenu";
 import { Estop } from "../estop/Estop";
 import { LinkMenu } from "../link/LinkMenu";
 import { ModeMenu } from "../replay/ModeMenu";
@@ -22,6 +23,7 @@ export function GlobalBar() {
     <header className="global-bar">
       <ModeMenu />
       <LinkMenu />
+      <AuthorityMenu />
       <Age />
       <Health />
       <span className="global-bar-space" />

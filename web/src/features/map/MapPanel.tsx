@@ -8,6 +8,7 @@ import { loadVersions } from "../../store/versions";
 import { StatusMark } from "../../ui/StatusMark";
 import { AskPairs } from "./AskPairs";
 import { Choice } from "./Choice";
+import { ExportMap } from "./ExportMap";
 import { Outcome } from "./Outcome";
 import { Progress } from "./Progress";
 import { Reimage } from "./Reimage";
@@ -57,6 +58,7 @@ export function MapPanel() {
       <Reimage />
       <Outcome />
       <Versions />
+      <ExportMap />
     </>
   );
 }

@@ -22,6 +22,8 @@ import { Segments } from "../../ui/Segments";
 import { EnergyLegend } from "./EnergyLegend";
 import { Legend } from "./Legend";
 import { CoverageLegend, MapLegend } from "./MapLegend";
+import { PictureLegend } from "./PictureLegend";
+import { Rasters } from "./Rasters";
 import { useReachIsOld } from "./useReachability";
 import "./overlays.css";
 
@@ -31,6 +33,7 @@ const OVERLAYS: [Overlay, string][] = [
   ["reachability", "Reachability"],
   ["energy", "Energy"],
   ["map", "Map layer"],
+  ["picture", "Picture"],
   ["coverage", "Coverage"],
 ];
 
@@ -51,7 +54,9 @@ export function OverlayPanel() {
       {overlay === "reachability" && <ReachLegend />}
       {overlay === "energy" && <EnergyLegend />}
       {overlay === "map" && <MapLegend />}
+      {overlay === "picture" && <PictureLegend />}
       {overlay === "coverage" && <CoverageLegend />}
+      <Rasters />
     </section>
   );
 }

@@ -12,7 +12,7 @@ import { formatSpan } from "../../lib/time";
 import { commandName, sendArmed, takeBack, useRequests } from "../../store/commands";
 import { useLive } from "../../store/console";
 import { useServerNow } from "../../store/now";
-import { useBlocked } from "../../store/permission";
+import { useArmBlocked, useBlocked } from "../../store/permission";
 import { usePlan } from "../../store/plan";
 import { useSelection } from "../../store/selection";
 import { type RightTab, useView } from "../../store/view";
@@ -38,7 +38,10 @@ function useStep(): { step: Step; armed: CommandRecord | null; now: number } {
 
 export function StepStrip() {
   const { step: asked, armed, now } = useStep();
-  const blocked = useBlocked();
+  const nothing = useBlocked();
+  const noCommand = useArmBlocked();
+  // Planning takes no authority to command; arming and sending do.
+  const blocked = asked.stage === "arm" || asked.stage === "send" ? noCommand : nothing;
   // Nothing is asked of the operator that the console would then refuse.
   const step = asked.yours && blocked ? { ...asked, trouble: true, sentence: blocked } : asked;
   const at = STAGES.indexOf(step.stage);
@@ -131,7 +134,7 @@ export function sendVerb({
 
 function SendArmed({ command, now }: { command: CommandRecord; now: number }) {
   const clock = commandClock(command, now);
-  const blocked = useBlocked();
+  const blocked = useArmBlocked(command);
   const busy = useRequests((s) => s.busy[command.id]);
   const failure = useRequests((s) => s.failures[command.id]);
   const cancel = useRef<HTMLButtonElement>(null);
