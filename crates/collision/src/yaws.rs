@@ -27,7 +27,7 @@ impl Yaws {
         let leg = robot.leg(checker.leg());
         let range = leg.upper[0] - leg.lower[0];
         let turns = robot.joints()[leg.joints[0]].kind == JointKind::Revolute;
-        let is_bounded = range >= 0.0 && range <= 2.0 * std::f64::consts::TAU;
+        let is_bounded = (0.0..=2.0 * std::f64::consts::TAU).contains(&range);
         (turns && is_bounded).then(|| {
             let n = (range / PIECE).floor() as usize + 1;
             Yaws { lower: leg.lower[0], pieces: vec![None; n], radius }
