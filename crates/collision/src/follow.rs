@@ -7,14 +7,16 @@
 //! [`LegChecker::violation_at`](crate::LegChecker::violation_at), by proof or by the same look.
 
 use arrayvec::ArrayVec;
-use nalgebra::{Matrix3, Point3};
+use nalgebra::{Matrix3, Point3, Vector3};
 use rover::{Frame, LegFrames};
 
 use crate::checker::{Against, Allowance, ContactZone, Item, LegChecker, Moment, Scratch, Touch};
 use crate::form::{Placed, apart_by};
 use crate::ground::{clear_of_ground, is_known_below};
 use crate::look::Look;
+use crate::odometer::Odometer;
 use crate::solid::Part;
+use crate::yaws::Yaws;
 
 /// Room beyond what must be kept over the highest ground about that is asked for first (m at scale 1).
 const FAR: f64 = 0.4;
@@ -31,16 +33,15 @@ const MOST_SEEN: usize = 4;
 /// Taken off each clearance, for what rounding and the kernels' convergence leave open (m).
 pub(crate) const SLACK: f64 = 1e-6;
 
-/// Places of a leg.
-const PLACES: usize = 6;
+/// A way that is never longer than what has been gone: a look is due.
+const NOW: f64 = f64::NEG_INFINITY;
 
 /// Answers for configurations that follow each other.
 pub struct Follower<'c> {
     checker: &'c LegChecker<'c>,
     scratch: Scratch,
     batches: Vec<Batch>,
-    /// Places whose relative motion counts: the outer one as seen from the inner one.
-    pairs: Vec<(usize, usize)>,
+    odometer: Odometer,
     /// The wheel in its zone is known to sit on the ground.
     is_seated: bool,
     scale: f64,
@@ -49,25 +50,28 @@ pub struct Follower<'c> {
 /// Items whose distances only change as one part moves: through `world`, or as seen from another part of
 /// the leg.
 struct Batch {
-    items: Vec<usize>,
-    /// Index of the frame that moves the part, of the links' and then the pairs'; none if nothing
-    /// does.
+    items: Vec<Item>,
+    /// Index of the way that the part goes, of the odometer's; none if it never moves.
     moves: Option<usize>,
-    /// A sphere in that frame that holds the part.
+    /// A sphere in the frame that moves the part, which holds it.
     sphere: (Point3<f64>, f64),
     /// Where all items were looked at lately, the latest first.
     seen: ArrayVec<Seen, MOST_SEEN>,
+    /// The way (m) up to which nothing needs a look but `always`.
+    due: f64,
+    always: Vec<Item>,
+    /// For what the first joint alone moves.
+    yaws: Option<Yaws>,
 }
 
 /// All items of a batch, looked at in one place.
 struct Seen {
     at: Frame,
-    /// The way (m) up to which each item is clear from there, and the least of them. Where one is only
-    /// known to be clear there it has to be looked at each time.
-    rooms: Vec<Option<f64>>,
-    least: f64,
-    /// The items to be looked at each time.
-    always: Vec<usize>,
+    /// The way (m) up to which each item, or each member of a group that is near, is clear from there; the
+    /// least first.
+    rooms: Vec<(f64, Item)>,
+    /// Those only known to be clear there, which have to be looked at each time.
+    always: Vec<Item>,
     /// Looks taken since because a way was longer.
     n_looks: usize,
 }
@@ -75,10 +79,10 @@ struct Seen {
 impl<'c> Follower<'c> {
     /// Prepares for following the leg of `checker`.
     pub fn new(checker: &'c LegChecker<'c>) -> Follower<'c> {
-        let mut pairs = Vec::new();
+        let mut odometer = Odometer::new(checker);
         let mut batches: Vec<Batch> = Vec::new();
         let mut keys: Vec<(usize, Option<usize>)> = Vec::new();
-        for (index, item) in checker.items.iter().enumerate() {
+        for item in &checker.items {
             let place = |i: usize| checker.moving[i].place;
             let i = usize::from(item.moving);
             // Of two parts of the leg the outer one moves as seen from the inner one, by the joints between
@@ -90,26 +94,36 @@ impl<'c> Follower<'c> {
             };
             let key = (part, seen_from);
             let batch = keys.iter().position(|known| *known == key).unwrap_or_else(|| {
-                let moves = match seen_from {
-                    None => Some(place(part)),
-                    Some(inner) if inner == place(part) => None,
-                    Some(inner) => Some(PLACES + place_in(&mut pairs, (place(part), inner))),
-                };
-                keys.push(key);
                 let sphere = checker.moving[part].sphere_in_place();
-                batches.push(Batch { items: Vec::new(), moves, sphere, seen: ArrayVec::new() });
+                let moves = odometer.way_for(place(part), seen_from, &sphere);
+                // What stands on the ground is allowed other things each time.
+                let by_yaw = moves == Some(0) && !checker.moving[part].part.is_wheel;
+                let radius = sphere.0.coords.norm() + sphere.1;
+                keys.push(key);
+                batches.push(Batch {
+                    items: Vec::new(),
+                    moves,
+                    sphere,
+                    seen: ArrayVec::new(),
+                    due: NOW,
+                    always: Vec::new(),
+                    yaws: Some(radius).filter(|_| by_yaw).and_then(|r| Yaws::new(checker, r)),
+                });
                 batches.len() - 1
             });
-            batches[batch].items.push(index);
+            batches[batch].items.push(*item);
         }
         let scratch = Scratch::new(checker);
         let scale = checker.scene.robot().scale();
-        Follower { checker, scratch, batches, pairs, is_seated: false, scale }
+        Follower { checker, scratch, batches, odometer, is_seated: false, scale }
     }
 
     /// Forgets what it has seen.
     pub fn begin(&mut self) {
-        self.batches.iter_mut().for_each(|batch| batch.seen.clear());
+        for batch in &mut self.batches {
+            batch.seen.clear();
+            batch.due = NOW;
+        }
     }
 
     /// As [`touch`](Self::touch) for a wheel that sits on the ground: shifted along z until it just touches, and so
@@ -121,43 +135,65 @@ impl<'c> Follower<'c> {
         touch
     }
 
-    /// Something nearer than it may be; `None` if all is free.
+    /// Something nearer than it may be; `None` if all is free. `frames` are of the checker's
+    /// [`chain`](LegChecker::chain).
     pub fn touch(&mut self, frames: &LegFrames, allowance: Allowance) -> Option<Touch> {
         self.scratch.clear();
-        let seen_from = |(outer, inner): &(usize, usize)| {
-            frames.links[*inner].inverse().after(&frames.links[*outer])
-        };
-        let relative: ArrayVec<Frame, { PLACES * PLACES }> =
-            self.pairs.iter().map(seen_from).collect();
+        self.odometer.go_to(frames);
         let mut batches = std::mem::take(&mut self.batches);
-        let still = Frame::identity();
         let touch = batches.iter_mut().find_map(|batch| {
-            let now = match batch.moves {
-                None => &still,
-                Some(place) if place < PLACES => &frames.links[place],
-                Some(pair) => &relative[pair - PLACES],
-            };
-            self.touch_of(batch, now, frames, allowance)
+            // Buffers ask for more than what was looked at.
+            if allowance.buffered {
+                return self.look_at_all(&batch.items, frames, allowance);
+            }
+            if self.odometer.gone(batch.moves) < batch.due {
+                return self.look_at_all(&batch.always, frames, allowance);
+            }
+            self.touch_of(batch, frames, allowance)
         });
         self.batches = batches;
         touch
     }
 
-    /// As [`touch`](Self::touch) for the items of a batch whose part is moved by the frame `now`.
-    fn touch_of(
+    /// Of items and of the members of groups that are near, those that are not known to be clear in a configuration
+    /// other than the present one, and wherever their part is within a `way` (m) of there.
+    fn open_about(&mut self, items: &[Item], there: &LegFrames, way: f64) -> Vec<Item> {
+        let moment = Moment { extra: way, ..Moment::still(there, Allowance::default()) };
+        self.scratch.clear();
+        let mut open = Vec::new();
+        for item in items {
+            for item in self.single(*item, &moment) {
+                let look = self.checker.look(&moment, &item, &mut self.scratch);
+                if !matches!(look, Look::Clear) {
+                    open.push(item);
+                }
+            }
+        }
+        self.scratch.clear();
+        open
+    }
+
+    fn look_at_all(
         &mut self,
-        batch: &mut Batch,
-        now: &Frame,
+        items: &[Item],
         frames: &LegFrames,
         allowance: Allowance,
     ) -> Option<Touch> {
-        // Buffers ask for more than what was looked at.
-        if allowance.buffered {
-            return batch.items.iter().find_map(|item| self.look(frames, allowance, *item).err());
-        }
+        items.iter().find_map(|item| self.look(frames, allowance, item).err())
+    }
+
+    /// As [`touch`](Self::touch) for the items of a batch whose way is as long as what it had room for.
+    fn touch_of(
+        &mut self,
+        batch: &mut Batch,
+        frames: &LegFrames,
+        allowance: Allowance,
+    ) -> Option<Touch> {
+        let now = self.odometer.frame(batch.moves, frames);
+        batch.due = NOW;
         let mut nearest: Option<(f64, &mut Seen)> = None;
         for seen in &mut batch.seen {
-            let beyond = way_of(&seen.at, now, &batch.sphere) + SLACK - seen.least;
+            let beyond = way_of(&seen.at, &now, &batch.sphere) + SLACK - seen.least();
             if nearest.as_ref().is_none_or(|(least, _)| beyond < *least) {
                 nearest = Some((beyond, seen));
                 if beyond < 0.0 {
@@ -166,51 +202,100 @@ impl<'c> Follower<'c> {
             }
         }
         if let Some((beyond, seen)) = nearest {
-            for item in &seen.always {
-                if let Err(touch) = self.look(frames, allowance, *item) {
-                    return Some(touch);
-                }
+            if let Some(touch) = self.look_at_all(&seen.always, frames, allowance) {
+                return Some(touch);
             }
+            let gone = self.odometer.gone(batch.moves);
+            batch.always.clone_from(&seen.always);
             if beyond < 0.0 {
+                batch.due = gone - beyond;
                 return None;
             }
-            let way = beyond + seen.least;
-            for (item, room) in batch.items.iter().zip(&seen.rooms) {
-                if room.is_some_and(|room| way >= room) {
-                    seen.n_looks += 1;
-                    if let Err(touch) = self.look(frames, allowance, *item) {
-                        return Some(touch);
-                    }
+            if let Some(yaws) = &mut batch.yaws
+                && let Some(piece) = yaws.piece(frames)
+            {
+                let (checker, items) = (self.checker, &batch.items);
+                let about = |middle: &LegFrames, way| self.open_about(items, middle, way);
+                let open = yaws.open(checker, piece, about);
+                return self.look_at_all(open, frames, allowance);
+            }
+            let way = beyond + seen.least();
+            let mut room_left = f64::INFINITY;
+            for (room, item) in &seen.rooms {
+                if way < *room {
+                    room_left = room_left.min(room - way);
+                    break;
+                }
+                seen.n_looks += 1;
+                match self.look(frames, allowance, item) {
+                    Err(touch) => return Some(touch),
+                    Ok(Some(room)) => room_left = room_left.min(room - SLACK),
+                    Ok(None) => batch.always.push(*item),
                 }
             }
+            batch.due = gone + room_left;
             // Looks at single items pay as long as they are few.
-            if 2 * seen.n_looks <= batch.items.len() {
+            if 2 * seen.n_looks <= seen.rooms.len() {
                 return None;
             }
         }
-        let mut seen = Seen {
-            at: *now,
-            rooms: Vec::with_capacity(batch.items.len()),
-            least: f64::INFINITY,
-            always: Vec::new(),
-            n_looks: 0,
-        };
+        let mut seen = Seen { at: now, rooms: Vec::new(), always: Vec::new(), n_looks: 0 };
         for item in &batch.items {
-            let room = match self.look(frames, allowance, *item) {
-                Ok(room) => room,
-                Err(touch) => return Some(touch),
-            };
-            match room {
-                Some(room) => seen.least = seen.least.min(room),
-                None => seen.always.push(*item),
+            if let Err(touch) = self.see(frames, allowance, item, &mut seen) {
+                return Some(touch);
             }
-            seen.rooms.push(room);
         }
+        seen.rooms.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        batch.due = self.odometer.gone(batch.moves) + seen.least() - SLACK;
+        batch.always.clone_from(&seen.always);
         if batch.seen.is_full() {
             batch.seen.pop();
         }
         batch.seen.insert(0, seen);
         None
+    }
+
+    /// Looks at an item, or at the members of a group that is near, for what can be remembered of it.
+    fn see(
+        &mut self,
+        frames: &LegFrames,
+        allowance: Allowance,
+        item: &Item,
+        seen: &mut Seen,
+    ) -> Result<(), Touch> {
+        for item in self.single(*item, &Moment::still(frames, allowance)) {
+            match self.look(frames, allowance, &item)? {
+                Some(room) => seen.rooms.push((room, item)),
+                None => seen.always.push(item),
+            }
+        }
+        Ok(())
+    }
+
+    /// An item itself, or the members of a group that is near.
+    fn single(&mut self, item: Item, moment: &Moment) -> impl Iterator<Item = Item> + use<'c> {
+        let (checker, index) = (self.checker, usize::from(item.moving));
+        let mut near = None;
+        if let Against::Group(group) = item.against {
+            self.scratch.place(checker, moment, index);
+            if self.room_about_group(index, group) <= NEAR * self.scale {
+                near = Some(checker.groups[usize::from(group)].members.clone());
+            }
+        }
+        let itself = near.is_none().then_some(item);
+        let is_kept = move |k: &usize| checker.fixed[*k].required[index].is_some();
+        let members = near.into_iter().flatten().filter(is_kept);
+        itself
+            .into_iter()
+            .chain(members.map(move |k| Item { against: Against::Fixed(k as u16), ..item }))
+    }
+
+    /// By how much more than it must a part that has been placed is clear of a group at least, by spheres (m).
+    fn room_about_group(&self, index: usize, group: u16) -> f64 {
+        let (placed, group) =
+            (&self.scratch.parts[index].placed, &self.checker.groups[usize::from(group)]);
+        let between = (placed.center() - group.center).norm();
+        between - placed.bound - group.radius - group.most_required
     }
 
     /// By how much more than it must an item is clear (m), none where that is not known; the touch where it
@@ -219,9 +304,9 @@ impl<'c> Follower<'c> {
         &mut self,
         frames: &LegFrames,
         allowance: Allowance,
-        index: usize,
+        item: &Item,
     ) -> Result<Option<f64>, Touch> {
-        let (checker, item) = (self.checker, self.checker.items[index]);
+        let checker = self.checker;
         let moment = Moment::still(frames, allowance);
         let part = checker.moving[usize::from(item.moving)].part;
         // A zone goes along with the wheel, and what it allows says nothing of the next one.
@@ -231,7 +316,7 @@ impl<'c> Follower<'c> {
             if let Against::Own(j) = item.against {
                 self.scratch.place(checker, &moment, usize::from(j));
             }
-            let room = self.room(&item);
+            let room = self.room(item);
             if room > LEAST_ROOM * self.scale {
                 return Ok(Some(room));
             }
@@ -242,7 +327,7 @@ impl<'c> Follower<'c> {
                 return Ok(None);
             }
         }
-        match checker.look(&moment, &item, &mut self.scratch) {
+        match checker.look(&moment, item, &mut self.scratch) {
             Look::Violated(violation) => Err(violation.touch),
             Look::Clear | Look::Open(_) => Ok(None),
         }
@@ -268,14 +353,12 @@ impl<'c> Follower<'c> {
         };
         match item.against {
             Against::Group(group) => {
-                let group = &checker.groups[usize::from(group)];
-                let between = (placed.center() - group.center).norm();
-                let room = between - placed.bound - group.radius - group.most_required;
+                let room = self.room_about_group(index, group);
                 if room > near {
                     return room;
                 }
-                let members = group.members.clone().filter_map(from_fixed);
-                members.fold(f64::INFINITY, f64::min)
+                let members = checker.groups[usize::from(group)].members.clone();
+                members.filter_map(from_fixed).fold(f64::INFINITY, f64::min)
             }
             Against::Fixed(k) => from_fixed(usize::from(k)).unwrap_or(f64::INFINITY),
             Against::Own(j) => {
@@ -310,18 +393,25 @@ impl<'c> Follower<'c> {
     }
 }
 
-/// The place of a value in a list, to which it is added if it is not there yet.
-fn place_in<T: PartialEq>(list: &mut Vec<T>, value: T) -> usize {
-    list.iter().position(|known| *known == value).unwrap_or_else(|| {
-        list.push(value);
-        list.len() - 1
-    })
+impl Seen {
+    /// The way (m) up to which all that is remembered is clear.
+    fn least(&self) -> f64 {
+        self.rooms.first().map_or(f64::INFINITY, |(room, _)| *room)
+    }
 }
 
 /// Most that any point of a sphere goes from one place of its frame to another (m).
 pub(crate) fn way_of(from: &Frame, to: &Frame, (center, radius): &(Point3<f64>, f64)) -> f64 {
-    let turned: Matrix3<f64> = to.rotation - from.rotation;
-    let shifted = to.origin - from.origin + turned * center.coords;
-    // The norm of a difference of two rotations is its Frobenius norm over the root of two.
-    shifted.norm() + radius * (0.5 * turned.norm_squared()).sqrt()
+    let (shift, turned) = change(from, to);
+    (shift + turned * center.coords).norm() + radius * norm_of_turn(&turned)
+}
+
+/// By how much a frame's origin and rotation differ from one place to another.
+pub(crate) fn change(from: &Frame, to: &Frame) -> (Vector3<f64>, Matrix3<f64>) {
+    (to.origin - from.origin, to.rotation - from.rotation)
+}
+
+/// The norm of a difference of two rotations: its Frobenius norm over the root of two.
+pub(crate) fn norm_of_turn(turned: &Matrix3<f64>) -> f64 {
+    (0.5 * turned.norm_squared()).sqrt()
 }

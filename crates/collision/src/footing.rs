@@ -146,11 +146,15 @@ impl<'a> Footings<'a> {
         let base = &self.base_from_world;
         let center = place.ground.coords + normal * self.model.wheel.radius;
         let turned = [axle, across, normal].map(|v| base.rotation * v);
-        let in_base = [turned[0], turned[1], turned[2], base.rotation * center + base.origin];
+        let center = base.point(&center.into());
+        let from_hip = self.model.ik.closed_form().map(|ik| {
+            let [axle, across, normal] = turned.map(|v| ik.along_plane(&v));
+            [axle, across, normal, ik.from_hip(&center)]
+        });
         // On level ground the patch below the wheel's center is that of the place itself.
         let below = place.ground.coords + normal * self.model.wheel.radius;
         let patch = (below.xy() == p.coords).then_some(Some(place.normal));
-        Some(Footing { of: self, place, axle, across, in_base, seats, patch, nearest: None })
+        Some(Footing { of: self, place, axle, across, from_hip, seats, patch, nearest: None })
     }
 }
 
@@ -162,8 +166,9 @@ pub struct Footing<'a> {
     /// The axle at yaw zero, and the direction that it turns to.
     axle: Vector3<f64>,
     across: Vector3<f64>,
-    /// Axle, across, the normal and the center of a wheel before it is seated, in the base's frame.
-    in_base: [Vector3<f64>; 4],
+    /// Axle, across, the normal and the center of a wheel before it is seated, as seen from the hip of a
+    /// leg with a closed form.
+    from_hip: Option<[Vector3<f64>; 4]>,
     /// By yaw, those that have been asked for.
     seats: ArrayVec<(usize, Result<Seat, NoSeat>), { YAWS.len() }>,
     /// The normal of the patch below the wheel's center, which is the same for all yaws, once it has been
@@ -194,10 +199,10 @@ impl Footing<'_> {
     /// it is not known to be.
     pub fn missed(&self, orientation: usize) -> f64 {
         let Some(ik) = self.of.model.ik.closed_form() else { return 0.0 };
-        let [axle, across, normal, center] = &self.in_base;
+        let Some([axle, across, normal, center]) = &self.from_hip else { return 0.0 };
         let wrist = &self.of.wrists[orientation];
         let from_center = axle * wrist.x + across * wrist.y + normal * wrist.z;
-        ik.missed(&Point3::from(center + from_center))
+        ik.missed_from_hip(&(center + from_center))
     }
 
     /// How the wheel sits in an orientation: shifted along z until it just touches.

@@ -25,6 +25,7 @@ mod form;
 mod gjk;
 mod ground;
 mod look;
+mod odometer;
 mod pairs;
 mod quick;
 mod scene;
@@ -32,6 +33,7 @@ mod solid;
 mod survey;
 mod touchdown;
 mod wheel;
+mod yaws;
 
 pub use body::BodyCertifier;
 pub use certificate::{Certificate, Certifier};

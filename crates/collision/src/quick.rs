@@ -1,11 +1,15 @@
 //! One leg in many configurations that are much alike: what was in the way last is looked at first.
 
+use arrayvec::ArrayVec;
 use nalgebra::{Point2, Point3};
 use rover::{Frame, LegAngles, LegChain, LegFrames};
 
 use crate::checker::{Against, Allowance, Item, LegChecker, Moment, Scratch, Touch, Violation};
 use crate::follow::{SLACK, way_of};
 use crate::look::Look;
+
+/// Items remembered that were in the way lately.
+const LATELY: usize = 6;
 
 /// What was in the way last, of a configuration like the next one. Starts as nothing in particular.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -30,6 +34,8 @@ struct Blocked {
 pub struct QuickChecker<'c> {
     checker: &'c LegChecker<'c>,
     scratch: Scratch,
+    /// Items that were in the way lately, whatever the hint; the latest first.
+    lately: ArrayVec<usize, LATELY>,
     /// From the link that carries the wheel to the wheel's frame.
     wheel_from_carrier: Frame,
     /// Frames of which only the carrier's counts.
@@ -52,6 +58,7 @@ impl<'c> QuickChecker<'c> {
         QuickChecker {
             checker,
             scratch: Scratch::new(checker),
+            lately: ArrayVec::new(),
             wheel_from_carrier: Frame::from(&wheel.carrier_from_wheel.inverse()),
             carried: checker.chain().frames(&LegAngles::zeros()),
         }
@@ -76,10 +83,14 @@ impl<'c> QuickChecker<'c> {
         let moment = Moment::still(frames, allowance);
         let (checker, scratch) = (self.checker, &mut self.scratch);
         let known = hint.0.map(|blocked| blocked.item);
-        for (place, item) in
-            checker.items.iter().enumerate().filter(|(place, _)| Some(*place) != known)
-        {
+        let lately = self.lately.clone();
+        let others = (0..checker.items.len()).filter(|place| !lately.contains(place));
+        for place in lately.iter().copied().chain(others).filter(|place| Some(*place) != known) {
+            let item = &checker.items[place];
             if let Look::Violated(violation) = checker.look(&moment, item, scratch) {
+                self.lately.retain(|other| *other != place);
+                self.lately.truncate(LATELY - 1);
+                self.lately.insert(0, place);
                 *hint = Hint(Some(blocked(checker, place, &moment, &violation)));
                 return Some(violation.touch);
             }
@@ -147,6 +158,7 @@ impl<'c> QuickChecker<'c> {
         }
         let carrier = wheel.after(&self.wheel_from_carrier);
         self.carried.links.fill(carrier);
+        self.carried.angles.fill(f64::NAN);
         if moving.place + 1 < self.checker.scene.robot().leg(self.checker.leg()).n_joints() {
             // A part that does not turn with the last joint: where that link would have to be.
             let part = carrier.after(&moving.link_from_part);

@@ -104,6 +104,8 @@ pub struct LegFrames {
     pub axes: [Vector3<f64>; PLACES],
     /// True for prismatic joints.
     pub slides: [bool; PLACES],
+    /// The joint angles (rad; m for a prismatic joint) that gave all this; no numbers where they are not known.
+    pub angles: LegAngles,
 }
 
 impl LegChain {
@@ -160,19 +162,21 @@ impl LegChain {
         let mut slides = [false; PLACES];
         let mut parent = *world_from_base;
         for (place, joint) in self.joints.iter().enumerate() {
-            let origin = parent.rotation * joint.origin + parent.origin;
-            let still = joint.rotation.map_or(parent.rotation, |r| parent.rotation * r);
-            axes[place] = joint.axis.direction(&still);
+            parent.origin += parent.rotation * joint.origin;
+            if let Some(rotation) = &joint.rotation {
+                parent.rotation *= rotation;
+            }
+            axes[place] = joint.axis.direction(&parent.rotation);
             slides[place] = joint.stroke.is_some();
-            links[place] = if slides[place] {
-                Frame { rotation: still, origin: origin + axes[place] * angles[place] }
+            if slides[place] {
+                parent.origin += axes[place] * angles[place];
             } else {
-                Frame { rotation: joint.axis.turn(&still, angles[place]), origin }
-            };
-            parent = links[place];
+                joint.axis.turn(&mut parent.rotation, angles[place]);
+            }
+            links[place] = parent;
         }
         links[self.joints.len()..].fill(parent);
-        LegFrames { links, axes, slides }
+        LegFrames { links, axes, slides, angles: *angles }
     }
 
     /// Center of mass of the whole robot, in `world` (m).
@@ -263,18 +267,22 @@ impl Axis {
     }
 
     /// `rotation`, then a turn about the axis.
-    fn turn(&self, rotation: &Matrix3<f64>, angle: f64) -> Matrix3<f64> {
-        match self {
-            Axis::Along(i, sign) => {
-                let (sin, cos) = (sign * angle).sin_cos();
-                let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-                let (cj, ck) = (rotation.column(j), rotation.column(k));
-                let mut turned = *rotation;
-                turned.set_column(j, &(cj * cos + ck * sin));
-                turned.set_column(k, &(ck * cos - cj * sin));
-                turned
+    #[inline]
+    fn turn(&self, rotation: &mut Matrix3<f64>, angle: f64) {
+        // By column, so that where each number is in memory is known beforehand.
+        let mix = |m: &mut Matrix3<f64>, j: usize, k: usize, angle: f64| {
+            let (sin, cos) = angle.sin_cos();
+            for row in 0..3 {
+                let (a, b) = (m[(row, j)], m[(row, k)]);
+                m[(row, j)] = a * cos + b * sin;
+                m[(row, k)] = b * cos - a * sin;
             }
-            Axis::Any(axis) => rotation * Rotation3::from_axis_angle(axis, angle).into_inner(),
+        };
+        match self {
+            Axis::Along(0, sign) => mix(rotation, 1, 2, sign * angle),
+            Axis::Along(1, sign) => mix(rotation, 2, 0, sign * angle),
+            Axis::Along(_, sign) => mix(rotation, 0, 1, sign * angle),
+            Axis::Any(axis) => *rotation *= Rotation3::from_axis_angle(axis, angle).into_inner(),
         }
     }
 }

@@ -12,7 +12,7 @@ use terrain::ElevationMap;
 use terrain::synthetic::{Recipe, generate};
 
 use crate::oracle::World;
-use crate::worlds::{holes, load, spikes, standing, thin_boxes};
+use crate::worlds::{block, holes, load, spikes, standing, thin_boxes};
 use crate::{athlete, cases, plane};
 
 /// A small step: each joint by up to `most` (rad), within the limits.
@@ -85,6 +85,77 @@ fn what_follows_closely_is_answered_as_anew() {
         }
     }
     assert!(free > 2_000 && touching > 2_000, "{free} {touching}");
+}
+
+/// Joints alone or a few together, by steps of any size to and fro: then a part's way is as long as it can be for
+/// what its links and the joints between say.
+#[test]
+fn sweeps_of_single_joints_are_followed_as_anew() {
+    let mut rng = ChaCha8Rng::seed_from_u64(24);
+    let (mut free, mut touching, mut turns) = (0, 0, 0);
+    let n_worlds = worlds(&mut rng).len();
+    // Little rods about the housings that turn with the hip yaw alone, which just miss them or just touch.
+    let robot = athlete();
+    let posture = Posture::new(&robot, &standing(&robot));
+    let leg = robot.leg(LegId(0));
+    let housings: Vec<Point3<f64>> = leg.links[..2]
+        .iter()
+        .flat_map(|link| {
+            let shapes = robot.links()[link.0].shapes.iter();
+            shapes.map(|s| posture.link(*link) * Point3::from(s.link_from_shape.translation.vector))
+        })
+        .collect();
+    let mut all = worlds(&mut rng);
+    for _ in 0..cases(24, 100) {
+        let mut rod = || {
+            let at = housings[rng.random_range(0..housings.len())].coords;
+            let aside = Vector3::from_fn(|_, _| rng.random_range(-0.4..0.4));
+            block(at + aside, Vector3::zeros(), Vector3::repeat(0.004))
+        };
+        let rods = (0..2).map(|_| rod()).collect();
+        all.push(World::new(athlete(), plane(), rods));
+    }
+    for (index, world) in all.into_iter().enumerate() {
+        let robot = world.scene.robot();
+        let leg = LegId(0);
+        let posture = Posture::new(robot, &standing(robot));
+        let checker = LegChecker::new(&world.scene, &posture, leg, None, None);
+        let mut follower = Follower::new(&checker);
+        for walk in 0..if index < n_worlds { cases(36, 300) } else { 6 } {
+            let model = robot.leg(leg);
+            let mut q = load(robot, leg, walk, &mut rng);
+            // A joint alone, the wrist, or thigh and knee.
+            let alone = if index < n_worlds { walk % 8 } else { 0 };
+            let moves = |joint: usize| match alone {
+                6 => joint >= 3,
+                7 => joint == 1 || joint == 2,
+                alone => joint == alone,
+            };
+            let mut step = rng.random_range(0.002..0.08);
+            let mut before = None;
+            for _ in 0..60 {
+                if rng.random_range(0..12) == 0 {
+                    step = -step * rng.random_range(0.5..1.5);
+                }
+                let shares = LegAngles::from_fn(|_, _| rng.random_range(0.3..1.0));
+                q += LegAngles::from_fn(
+                    |joint, _| if moves(joint) { step * shares[joint] } else { 0.0 },
+                );
+                if q != q.sup(&model.lower).inf(&model.upper) {
+                    q = q.sup(&model.lower).inf(&model.upper);
+                    step = -step;
+                }
+                let expected = checker.violation_at(&q, Allowance::default()).is_some();
+                let frames = checker.chain().frames(&q);
+                let found = follower.touch(&frames, Allowance::default()).is_some();
+                assert_eq!(found, expected, "{q:?}");
+                *(if expected { &mut touching } else { &mut free }) += 1;
+                turns += usize::from(before.is_some_and(|before| before != expected));
+                before = Some(expected);
+            }
+        }
+    }
+    assert!(free > 1_000 && touching > 1_000 && turns > 100, "{free} {touching} {turns}");
 }
 
 #[test]

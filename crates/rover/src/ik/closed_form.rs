@@ -285,7 +285,22 @@ impl LegIk {
     /// How far a wrist misses what thigh and calf can reach (m), whatever the limits: where this is
     /// zero, and only there, [`solve`](Self::solve) has an answer.
     pub fn missed(&self, wrist: &Point3<f64>) -> f64 {
-        let from_hip = self.plane_from_base * (wrist - self.hip);
+        self.missed_from_hip(&self.from_hip(wrist))
+    }
+
+    /// A point of the base as seen from the hip, in the plane (m).
+    pub fn from_hip(&self, point: &Point3<f64>) -> Vector3<f64> {
+        self.along_plane(&(point - self.hip))
+    }
+
+    /// A direction of the base in the plane.
+    pub fn along_plane(&self, direction: &Vector3<f64>) -> Vector3<f64> {
+        self.plane_from_base * direction
+    }
+
+    /// As [`missed`](Self::missed) for a wrist [as seen from the hip](Self::from_hip).
+    #[inline]
+    pub fn missed_from_hip(&self, from_hip: &Vector3<f64>) -> f64 {
         let radius_squared = from_hip.x * from_hip.x + from_hip.y * from_hip.y;
         let forward_squared = radius_squared - self.offset * self.offset;
         if forward_squared < 0.0 {
@@ -298,6 +313,7 @@ impl LegIk {
     }
 
     /// How far a wrist is beyond the reach of thigh and calf (m), from the square of its distance.
+    #[inline]
     fn overreach(&self, square: f64) -> f64 {
         let (l1, l2) = (self.thigh, self.calf);
         let cosine = (square - l1 * l1 - l2 * l2) / (2.0 * l1 * l2);
