@@ -111,7 +111,7 @@ impl Authority {
         }
     }
 
-    /// Asks its holder for it, for [`ASKED_S`]; true if that is news. Where nobody has it, it is taken.
+    /// Asks its holder for it, for a minute; true if that is news. Where nobody has it, it is taken.
     pub fn ask(&mut self, now: Timestamp, who: &str) -> Result<bool, AuthorityError> {
         match self.alive(now) {
             None => {

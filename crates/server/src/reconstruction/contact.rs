@@ -3,7 +3,7 @@
 //!
 //! As soon as the rover is still, each standing wheel is held against the places where wheels stood when the map was
 //! last told of them. What stands elsewhere becomes a version of its own, by [`Input::Contact`] as in a
-//! reconstruction. By no more than [`CORRECTION_MAX_M`]: where contact and map differ more, one of them is in the
+//! reconstruction. By no more than `CORRECTION_MAX_M`: where contact and map differ more, one of them is in the
 //! wrong place, which no patch of ground mends; that is told, and the map stays as it is.
 //!
 //! Plans hold over such a version ([`holds_over`]): it differs from the one before under a standing wheel only, where
