@@ -8,6 +8,7 @@ import {
   endOutage,
   isUsable,
   offBalance,
+  outageAt,
   outageUntil,
   presetOf,
   usableDraft,
@@ -159,4 +160,24 @@ test("sent and copied are arrived, dropped or under way", () => {
   } as LinkCounters;
   expect(offBalance(counters)).toBe(0);
   expect(offBalance({ ...counters, delivered: 7 })).toBe(1);
+});
+
+const clockAt = (clock: string) => Date.parse(`2026-11-27T${clock}Z`);
+const oneOutage = {
+  begin: "2026-11-27T10:00:00Z",
+  end: "2026-11-27T10:01:00.5Z",
+  traffic: "hold" as const,
+};
+
+test("an outage is in force from its first moment to the one before its end", () => {
+  const model = { outages: [oneOutage] };
+  expect(outageAt(model, clockAt("09:59:59.999"))).toBeNull();
+  expect(outageAt(model, clockAt("10:00:00"))).toBe(oneOutage);
+  expect(outageAt(model, clockAt("10:01:00.499"))).toBe(oneOutage);
+  expect(outageAt(model, clockAt("10:01:00.5"))).toBeNull();
+});
+
+test("a link without a model has none", () => {
+  expect(outageAt(null, clockAt("10:00:00"))).toBeNull();
+  expect(outageAt({ outages: [] }, clockAt("10:00:00"))).toBeNull();
 });

@@ -159,10 +159,21 @@ export function endOutage(config: LinkChange, now_ms: number): LinkChange {
   return withOutages(config, (outages) => outages.filter((o) => parseTime(o.begin) > now_ms));
 }
 
+const inForce = (outage: Outage, now_ms: number) =>
+  parseTime(outage.begin) <= now_ms && now_ms < parseTime(outage.end);
+
+/** The outage of a direction that is in force, or null. */
+export function outageAt(
+  model: Pick<DirectionModel, "outages"> | null | undefined,
+  now_ms: number,
+): Outage | null {
+  return model?.outages?.find((outage) => inForce(outage, now_ms)) ?? null;
+}
+
 /** End (ms) of the outage under way in either direction; null without one. */
 export function outageUntil(config: LinkChange, now_ms: number): number | null {
   const ends = DIRECTIONS.flatMap((direction) => config[direction]?.outages ?? [])
-    .filter((o) => parseTime(o.begin) <= now_ms && now_ms < parseTime(o.end))
+    .filter((o) => inForce(o, now_ms))
     .map((o) => parseTime(o.end));
   return ends.length === 0 ? null : Math.max(...ends);
 }

@@ -5,7 +5,7 @@ import { formatClock, formatSpan, parseTime } from "../../lib/time";
 import { carrierDown } from "../../store/carrier";
 import { useConsole } from "../../store/console";
 import { useServerNow } from "../../store/now";
-import { outageAt } from "../../store/outage";
+import { outageAt } from "../../lib/linkModel";
 import { StatusMark } from "../../ui/StatusMark";
 
 /** A shorter silence is told by the age in the bar alone (s). */
