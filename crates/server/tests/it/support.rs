@@ -255,6 +255,19 @@ impl Ground {
         })
         .await;
         self.clock.run_at(1.0);
+        self.frame_after_now().await;
         self.get(&path).await.json()
+    }
+
+    /// Waits for a frame that was true after this moment: acknowledgments go before telemetry, so that the
+    /// last frame is older than what is already known of a command.
+    async fn frame_after_now(&self) {
+        let now = self.clock.now();
+        self.until("a frame", || async {
+            let latest = self.get("/api/v1/rover").await.json()["latest"].take();
+            let true_at = latest["onboard_time"].as_str().map(Timestamp::from_rfc3339);
+            true_at.is_some_and(|at| at.unwrap() > now)
+        })
+        .await;
     }
 }
