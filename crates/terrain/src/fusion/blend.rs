@@ -220,6 +220,40 @@ pub(super) fn touch(cell: &mut Cell, height: f64, variance: f64, stamp: Stamp) {
     };
 }
 
+/// The cell after a wheel stood over it, below which no ground is higher than a ceiling (m); ground that is told higher
+/// by more than `most` (m) is left. Tells whether anything changed.
+pub(super) fn lower(
+    cell: &mut Cell,
+    [ceiling, most]: [f64; 2],
+    variance: f64,
+    stamp: Stamp,
+) -> bool {
+    let is_older = stamp.time_ns < cell.time_ns && !cell.flags.any(Flags::PRIOR);
+    if !cell.is_ground() || is_older {
+        return false;
+    }
+    let is_in = |height: f32| f64::from(height) > ceiling;
+    match cell.rival {
+        Some(rival) if is_in(cell.height_m) != is_in(rival.height_m) => {
+            if is_in(cell.height_m) {
+                Estimate::of_rival(&rival).into_cell(cell);
+                cell.flags = cell.flags.without(Flags::CONTACT | Flags::MULTI);
+                cell.lower_m = f32::NAN;
+            }
+            cell.rival = None;
+            cell.flags = cell.flags.without(Flags::CONFLICT);
+            true
+        }
+        // Which of the two is right is not told by a wheel above or in both.
+        Some(_) => false,
+        None if is_in(cell.height_m) && f64::from(cell.height_m) - ceiling <= most => {
+            touch(cell, ceiling, variance, stamp);
+            true
+        }
+        None => false,
+    }
+}
+
 /// The cell after something happened near it: less sure by a variance (m²).
 pub(super) fn disturb(cell: &mut Cell, variance: f64) {
     if cell.is_ground() {

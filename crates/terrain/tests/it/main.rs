@@ -14,6 +14,7 @@ mod pairs;
 mod pictures;
 mod properties;
 mod real_files;
+mod standing;
 mod synthetic;
 mod tiff;
 mod traversability;
