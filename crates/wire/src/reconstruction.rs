@@ -338,6 +338,28 @@ pub struct StoodWheel {
     pub leg: String,
     /// Where it touches the ground (m).
     pub contact_m: [f64; 3],
+    /// The room that it takes, in which there is no ground; logs from before that was told have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub solid: Option<WheelSolid>,
+}
+
+/// The room that a standing wheel takes: a cylinder, or a ball.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WheelSolid {
+    /// Its center (m).
+    pub center_m: [f64; 3],
+    /// Direction of its axle, of length 1.
+    pub axle: [f64; 3],
+    /// Its radius (m).
+    pub radius_m: f64,
+    /// Its width along the axle (m).
+    pub width_m: f64,
+    /// Is it a ball?
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub ball: bool,
+    /// Ground that was told higher than it can be by more than this is left (m).
+    pub correction_max_m: f64,
 }
 
 /// Pairs that were blended in.
@@ -358,6 +380,9 @@ pub struct SeenStep {
     pub region: Option<MapRegion>,
     /// Where wheels stood (m).
     pub wheels_m: Vec<[f64; 3]>,
+    /// The room that they took, in which there is no ground; logs from before that was told have none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub solids: Vec<WheelSolid>,
     /// The time that they, and the map from before, count from.
     pub time: Timestamp,
     /// The pairs in the order that they were blended in.

@@ -14,7 +14,7 @@ use terrain::ElevationMap;
 use terrain::fusion::{AlignSettings, MapVersion, PairDem};
 use wire::check::At;
 use wire::convert;
-use wire::reconstruction::{PairStage, ReconstructedPair, RecordedPair, SeenStep};
+use wire::reconstruction::{PairStage, ReconstructedPair, RecordedPair, SeenStep, StoodWheel};
 use wire::time::Timestamp;
 
 use super::pictures::PairPictures;
@@ -162,7 +162,14 @@ pub(super) fn blend(
         let wheels: Vec<Point3<f64>> = step.wheels_m.iter().map(|p| Point3::from(*p)).collect();
         let radii = site.robot.leg_ids().map(|leg| site.robot.leg(leg).wheel.radius);
         blended.touch(&wheels, radii.fold(0.0, f64::max), ns(step.time))?;
-        blended.stood = wheels;
+        blended.clear(&step.solids, ns(step.time))?;
+        let mut solids = step.solids.iter().cloned();
+        let stood = step.wheels_m.iter().map(|contact_m| StoodWheel {
+            leg: String::new(),
+            contact_m: *contact_m,
+            solid: solids.next(),
+        });
+        blended.stood = stood.collect();
     }
     Ok(Blend { before, pairs, pictures, sag })
 }
