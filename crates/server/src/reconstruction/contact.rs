@@ -6,7 +6,7 @@
 //! reconstruction. By no more than `CORRECTION_MAX_M`: where contact and map differ more, one of them is in the
 //! wrong place, which no patch of ground mends; that is told, and the map stays as it is. The same holds of ground
 //! beside the contact that was told to be where the wheel is, by [`Input::Stood`]: it is lowered to below the wheel as
-//! the rover reports it, cell by cell.
+//! the rover reports it, raised to its contact where it is told to be pressed down, cell by cell.
 //!
 //! Plans hold over such a version ([`holds_over`]): it differs from the one before under a standing wheel only, where
 //! nothing else can be.
@@ -17,7 +17,7 @@
 use std::time::Duration;
 
 use nalgebra::{Point3, Unit, Vector3};
-use rover::{LegId, Posture, Robot};
+use rover::{LegId, Posture, Robot, WheelPose};
 use terrain::fusion::{MapVersion, ReadPolicy, StandingWheel};
 use wire::check::{At, RequestError};
 use wire::convert;
@@ -110,10 +110,11 @@ fn due(app: &AppState) -> Option<Vec<StoodWheel>> {
 pub(super) fn stood(robot: &Robot, frame: &RoverTelemetry) -> Vec<StoodWheel> {
     let configuration = convert::configuration(&At::root("state"), robot, &frame.state).ok();
     let posture = configuration.map(|configuration| Posture::new(robot, &configuration));
-    let solid = |leg: LegId| {
+    let solid = |leg: LegId, contact: [f64; 3]| {
         let wheel = posture.as_ref()?.wheel(robot, leg);
+        let up = Vector3::z() * sunk_m(&wheel, &contact.into());
         Some(WheelSolid {
-            center_m: wheel.center().into(),
+            center_m: (wheel.center() + up).into(),
             axle: wheel.axle().into_inner().into(),
             radius_m: wheel.radius,
             width_m: wheel.width,
@@ -125,9 +126,24 @@ pub(super) fn stood(robot: &Robot, frame: &RoverTelemetry) -> Vec<StoodWheel> {
     let legs = robot.leg_ids().map(|leg| (leg, robot.leg(leg).name.as_str()));
     let stands = legs.filter(|(_, name)| bears(name)).filter_map(|(leg, name)| {
         let contact_m = *frame.contact_points_m.get(name)?;
-        Some(StoodWheel { leg: name.to_owned(), contact_m, solid: solid(leg) })
+        Some(StoodWheel { leg: name.to_owned(), contact_m, solid: solid(leg, contact_m) })
     });
     stands.collect()
+}
+
+/// How far a wheel is to be raised for its contact not to be inside of it (m): it is told to be pressed down, and gives
+/// way.
+fn sunk_m(wheel: &WheelPose, contact: &Point3<f64>) -> f64 {
+    let axle = if wheel.ball { Vector3::zeros() } else { wheel.axle().into_inner() };
+    let across = |v: Vector3<f64>| v - axle * v.dot(&axle);
+    let (off, up) = (across(contact - wheel.center()), across(Vector3::z()));
+    // |off - t up| = radius, where the contact comes out below.
+    let (a, b) = (up.norm_squared(), off.dot(&up));
+    let c = off.norm_squared() - wheel.radius * wheel.radius;
+    if c >= 0.0 || a < 1e-6 {
+        return 0.0;
+    }
+    (b + (b * b - a * c).sqrt()) / a
 }
 
 /// The wheel for the map.
@@ -288,4 +304,29 @@ fn catch_up(app: &AppState) -> Result<(), ApiError> {
         kept.touched.pop_front();
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Isometry3;
+
+    use super::*;
+
+    #[test]
+    fn a_wheel_that_is_pressed_down_is_raised_until_its_contact_is_on_its_skin() {
+        for (tilt, ball) in [(0.0, false), (0.3, false), (-0.2, false), (0.0, true)] {
+            let at = |z: f64| WheelPose {
+                world_from_wheel: Isometry3::new(
+                    Vector3::new(1.0, 2.0, z),
+                    Vector3::x() * tilt,
+                ),
+                radius: 0.264,
+                width: 0.24,
+                ball,
+            };
+            let lowest = at(0.0).lowest_point(&Vector3::z_axis());
+            assert!((sunk_m(&at(-0.01), &lowest) - 0.01).abs() < 1e-9, "{tilt}");
+            assert_eq!(sunk_m(&at(0.01), &lowest), 0.0, "{tilt}");
+        }
+    }
 }
