@@ -31,7 +31,9 @@ use nalgebra::{Point2, Point3};
 use rover::Robot;
 use stereo::StereoError;
 use stereo::rig::{CameraPair, Rig};
-use terrain::fusion::{Correction, Input, MapSettings, MapVersion, Mapper, PairDem, ReadPolicy};
+use terrain::fusion::{
+    Correction, Input, MapSettings, MapVersion, Mapper, PairDem, RasterizeOptions, ReadPolicy,
+};
 use terrain::{ElevationMap, Source, SourceKind};
 use tokio::sync::Semaphore;
 use wire::check::{self, At, RequestError};
@@ -292,6 +294,7 @@ fn reconstruct(
         keep_prior: work.keep_prior,
         resolution_m: work.resolution_m,
         region: work.region,
+        relief_share: RasterizeOptions::default().relief_share,
         wheels_m: stood.iter().map(|wheel| wheel.contact_m).collect(),
         solids: stood.iter().filter_map(|wheel| wheel.solid.clone()).collect(),
         time: latest.onboard_time,

@@ -362,6 +362,10 @@ pub struct WheelSolid {
     pub correction_max_m: f64,
 }
 
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
 /// Pairs that were blended in.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
@@ -378,6 +382,9 @@ pub struct SeenStep {
     /// Ground outside of this was left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub region: Option<MapRegion>,
+    /// Share of the relief about a cell that its height may be off by; none in logs from before that counted.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub relief_share: f64,
     /// Where wheels stood (m).
     pub wheels_m: Vec<[f64; 3]>,
     /// The room that they took, in which there is no ground; logs from before that was told have none.

@@ -131,8 +131,7 @@ pub(super) fn blend(
             let name = &sources[i].pair;
             let points = pair::measure(&images, &matched, site.robot, &turns)
                 .map_err(|error| stereo_error(stop, name, &error))?;
-            let (mut answer, dem) =
-                pair::map_of(&images, &matched, &points, step.resolution_m, step.region)?;
+            let (mut answer, dem) = pair::map_of(&images, &matched, &points, step)?;
             answer.capture = sources[i].capture.clone();
             pairs[i] = Some(answer);
             let view = view_of(site.rig, name);
