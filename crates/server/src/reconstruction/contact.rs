@@ -316,10 +316,7 @@ mod tests {
     fn a_wheel_that_is_pressed_down_is_raised_until_its_contact_is_on_its_skin() {
         for (tilt, ball) in [(0.0, false), (0.3, false), (-0.2, false), (0.0, true)] {
             let at = |z: f64| WheelPose {
-                world_from_wheel: Isometry3::new(
-                    Vector3::new(1.0, 2.0, z),
-                    Vector3::x() * tilt,
-                ),
+                world_from_wheel: Isometry3::new(Vector3::new(1.0, 2.0, z), Vector3::x() * tilt),
                 radius: 0.264,
                 width: 0.24,
                 ball,

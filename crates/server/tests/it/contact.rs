@@ -69,7 +69,12 @@ async fn where_a_wheel_was_put_down_the_map_has_its_height_and_a_log_gives_it_ag
             let along = Vector3::y() * (share(41) - 0.5) * wheel.width;
             let p = wheel.world_from_wheel * Point3::from(rim * share(7) + along);
             let Some(of_map) = map.height_at(p.xy()) else { continue };
-            assert!(p.z + sunk.max(0.0) - of_map > -1e-3, "leg {}: {p} is {} m in the ground", leg.0, of_map - p.z);
+            assert!(
+                p.z + sunk.max(0.0) - of_map > -1e-3,
+                "leg {}: {p} is {} m in the ground",
+                leg.0,
+                of_map - p.z
+            );
         }
     }
     // It changed the ground under that wheel and nowhere else.

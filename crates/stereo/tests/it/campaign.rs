@@ -300,7 +300,14 @@ pub fn map_of(gathered: &Gathered) -> Mapper {
         let of = gathered.taken.iter().enumerate().filter(|(_, taken)| taken.station == station);
         let pairs = of.map(|(i, taken)| (i as u32, Arc::new(taken.dem()))).collect();
         // Few cells say little, and are given little weight.
-        let settings = AlignSettings { cells_min: 30, ..AlignSettings::default() };
+        let env =
+            |name: &str, usual: f64| std::env::var(name).map_or(usual, |v| v.parse().unwrap());
+        let settings = AlignSettings {
+            cells_min: 30,
+            pair_shift_sigma_m: env("PSH", 0.01),
+            shift_sigma_m: env("ASH", 0.05),
+            ..AlignSettings::default()
+        };
         for found in mapper.add_pairs(pairs, station as i64, &settings).unwrap() {
             println!("  station {station}: {found:.4?}");
         }

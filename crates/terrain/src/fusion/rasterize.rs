@@ -65,7 +65,7 @@ impl Default for RasterizeOptions {
             variance_max_m2: 0.25,
             correlated_points: 9.0,
             split_sigmas: 4.0,
-            relief_share: 1.0,
+            relief_share: 1.2,
         }
     }
 }
@@ -204,7 +204,7 @@ fn relief_m2(near: impl Iterator<Item = ([f64; 3], f64)>) -> f64 {
         kept[..n as usize].iter().map(|p| (p - mean) * (p - mean).transpose()).sum();
     let level = spread.fixed_view::<2, 2>(0, 0).into_owned();
     let rise = Vector2::new(spread[(0, 2)], spread[(1, 2)]);
-    let (square, freedom) = match level.try_inverse().filter(|_| n >= 6.0) {
+    let (square, freedom) = match level.try_inverse().filter(|_| n >= 4.0) {
         Some(inverse) => (spread[(2, 2)] - rise.dot(&(inverse * rise)), n - 3.0),
         None => (spread[(2, 2)], n - 1.0),
     };

@@ -364,7 +364,9 @@ fn raster(height: impl Fn(i32, i32) -> f64, relief_share: f64) -> PairDem {
             tag: Tag::Terrain,
         })
         .collect();
-    rasterize(&points, &RasterizeOptions { relief_share, ..RasterizeOptions::default() }).unwrap().dem
+    rasterize(&points, &RasterizeOptions { relief_share, ..RasterizeOptions::default() })
+        .unwrap()
+        .dem
 }
 
 #[test]
