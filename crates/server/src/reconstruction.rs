@@ -32,7 +32,8 @@ use rover::Robot;
 use stereo::StereoError;
 use stereo::rig::{CameraPair, Rig};
 use terrain::fusion::{
-    Correction, Input, MapSettings, MapVersion, Mapper, PairDem, RasterizeOptions, ReadPolicy,
+    AlignSettings, Correction, Input, MapSettings, MapVersion, Mapper, PairDem, RasterizeOptions,
+    ReadPolicy,
 };
 use terrain::{ElevationMap, Source, SourceKind};
 use tokio::sync::Semaphore;

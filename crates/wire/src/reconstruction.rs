@@ -362,6 +362,11 @@ pub struct WheelSolid {
     pub correction_max_m: f64,
 }
 
+/// What was expected before it was logged.
+fn pair_shift_before() -> f64 {
+    0.01
+}
+
 fn is_zero(value: &f64) -> bool {
     *value == 0.0
 }
@@ -385,6 +390,9 @@ pub struct SeenStep {
     /// Share of the relief about a cell that its height may be off by; none in logs from before that counted.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub relief_share: f64,
+    /// How far pairs of one stand are expected to be off each other (m).
+    #[serde(default = "pair_shift_before")]
+    pub pair_shift_sigma_m: f64,
     /// Where wheels stood (m).
     pub wheels_m: Vec<[f64; 3]>,
     /// The room that they took, in which there is no ground; logs from before that was told have none.

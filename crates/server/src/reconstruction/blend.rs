@@ -101,7 +101,11 @@ pub(super) fn blend(
         sources.iter().map(|source| (source.time(), source.capture.as_str())).collect();
     captures.sort_unstable();
     captures.dedup();
-    let settings = AlignSettings { cells_min: FIT_CELLS_MIN, ..AlignSettings::default() };
+    let settings = AlignSettings {
+        cells_min: FIT_CELLS_MIN,
+        pair_shift_sigma_m: step.pair_shift_sigma_m,
+        ..AlignSettings::default()
+    };
     for (time, capture) in captures {
         let stand: Vec<usize> =
             (0..sources.len()).filter(|&i| sources[i].capture == capture).collect();

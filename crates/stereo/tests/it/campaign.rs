@@ -115,8 +115,6 @@ impl Taken {
     pub fn dem(&self) -> PairDem {
         let options = RasterizeOptions {
             variance_max_m2: HEIGHT_SIGMA_MAX_M * HEIGHT_SIGMA_MAX_M,
-            relief_share: std::env::var("RELIEF")
-                .map_or(RasterizeOptions::default().relief_share, |v| v.parse().unwrap()),
             ..RasterizeOptions::default()
         };
         rasterize(&self.points, &options).unwrap().dem.seen_from(self.view)
@@ -300,14 +298,7 @@ pub fn map_of(gathered: &Gathered) -> Mapper {
         let of = gathered.taken.iter().enumerate().filter(|(_, taken)| taken.station == station);
         let pairs = of.map(|(i, taken)| (i as u32, Arc::new(taken.dem()))).collect();
         // Few cells say little, and are given little weight.
-        let env =
-            |name: &str, usual: f64| std::env::var(name).map_or(usual, |v| v.parse().unwrap());
-        let settings = AlignSettings {
-            cells_min: 30,
-            pair_shift_sigma_m: env("PSH", 0.01),
-            shift_sigma_m: env("ASH", 0.05),
-            ..AlignSettings::default()
-        };
+        let settings = AlignSettings { cells_min: 30, ..AlignSettings::default() };
         for found in mapper.add_pairs(pairs, station as i64, &settings).unwrap() {
             println!("  station {station}: {found:.4?}");
         }

@@ -65,7 +65,7 @@ impl Default for RasterizeOptions {
             variance_max_m2: 0.25,
             correlated_points: 9.0,
             split_sigmas: 4.0,
-            relief_share: 1.2,
+            relief_share: 1.35,
         }
     }
 }
