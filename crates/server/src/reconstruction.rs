@@ -296,6 +296,7 @@ fn reconstruct(
         resolution_m: work.resolution_m,
         region: work.region,
         relief_share: RasterizeOptions::default().relief_share,
+        pair_shift_sigma_m: AlignSettings::default().pair_shift_sigma_m,
         wheels_m: stood.iter().map(|wheel| wheel.contact_m).collect(),
         solids: stood.iter().filter_map(|wheel| wheel.solid.clone()).collect(),
         time: latest.onboard_time,
