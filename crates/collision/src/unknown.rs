@@ -1,6 +1,6 @@
 //! Ground that nobody has seen, below a leg.
 
-use nalgebra::Point3;
+use nalgebra::{Point2, Point3};
 use rover::{Frame, LegId, LinkId, Posture};
 
 use crate::form::Placed;
@@ -8,14 +8,17 @@ use crate::ground::is_all_known;
 use crate::pairs::Body;
 use crate::scene::Scene;
 
+/// Places below a link that are looked at, along each axis.
+const PLACES: usize = 5;
+
 /// A link over ground that nobody has seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OverUnknown {
     /// The link.
     pub link: LinkId,
-    /// Below its middle, at the height that the ground is taken to have at most (m).
+    /// A place below it that nobody has seen, at the height that the ground is taken to have at most (m).
     pub place: Point3<f64>,
-    /// How far the link's lower end is above the highest that unknown ground below it is taken to be (m).
+    /// How far the link's lowest point is above that (m); negative where the link is beside the place rather than over it.
     pub above: f64,
 }
 
@@ -30,11 +33,17 @@ pub fn over_unknown(scene: &Scene, posture: &Posture, leg: LegId) -> Option<Over
         if is_all_known(scene.map(), low.xy(), high.xy()) {
             return None;
         }
-        let top = scene.cover().max_over(low.xy(), high.xy());
-        let center = placed.center();
-        let bound = scene.cover().height_at(center.xy()).unwrap_or(top);
-        let place = Point3::new(center.x, center.y, bound);
-        Some(OverUnknown { link: part.link, place, above: low.z - top })
+        // The highest of some places below that nobody has seen.
+        let share = |i: usize| i as f64 / (PLACES - 1) as f64;
+        let at = |i: usize| {
+            let (x, y) = (share(i % PLACES), share(i / PLACES));
+            Point2::new(low.x + (high.x - low.x) * x, low.y + (high.y - low.y) * y)
+        };
+        let unseen = (0..PLACES * PLACES).map(at).filter(|p| scene.map().height_at(*p).is_none());
+        let bounded = unseen
+            .filter_map(|p| scene.cover().height_at(p).map(|bound| Point3::new(p.x, p.y, bound)));
+        let place = bounded.max_by(|a, b| a.z.total_cmp(&b.z))?;
+        Some(OverUnknown { link: part.link, place, above: low.z - place.z })
     });
     over.min_by(|a, b| a.above.total_cmp(&b.above))
 }
