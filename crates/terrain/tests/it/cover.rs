@@ -71,11 +71,6 @@ fn ground_in_holes_is_below_their_cover() {
                 let (high, known) = shares(&truth, &holed(&truth, width_m, seed));
                 (over, covered) = (over + high / n, covered + known / n);
             }
-            println!(
-                "{name}, holes of {width_m} m: {:.3} % over the cover, {:.1} % covered",
-                100.0 * over,
-                100.0 * covered
-            );
             assert!(over <= most, "{name} {width_m}: {over}");
             assert!(covered > 0.99, "{name} {width_m}: {covered}");
         }
