@@ -203,6 +203,7 @@ impl Version {
             z_range_m,
             known_share: n_known as f64 / grid.len().max(1) as f64,
             frame_offset_m: map.frame_offset().into(),
+            reference_system: map.placement().system.as_ref().map(|system| system.name().to_owned()),
             tiles: [n_tiles(grid.nx), n_tiles(grid.ny)],
             zooms: n_zooms(grid.nx.max(grid.ny)),
             layers: if layers.is_ok() { &LAYERS[..] } else { &LAYERS[..1] }
@@ -448,7 +449,7 @@ pub fn export(
         let classes = layers.map(|layers| &layers.class).ok_or_else(|| {
             RequestError::at("not_ready", &At::root("format"), "is of a map without traversability")
         })?;
-        return terrain::formats::geotiff::write_classes(classes, "class", &CLASS_COLORS)
+        return terrain::formats::geotiff::write_classes(classes, "class", &CLASS_COLORS, map.placement())
             .map_err(|error| refuse("version", error));
     }
     if format == ExportFormat::Tif {
@@ -468,7 +469,7 @@ pub fn export(
                 ("class", class),
             ]);
         }
-        return terrain::formats::geotiff::write_layers(map.grid(), &bands)
+        return terrain::formats::geotiff::write_layers(map.grid(), &bands, map.placement())
             .map_err(|error| refuse("version", error));
     }
     let mesh = if error_m > 0.0 {

@@ -39,7 +39,7 @@ impl Overlays {
     ) -> Result<OverlayAnswer, ApiError> {
         self.check_room()?;
         let picture = read(path, map).map_err(|error| match error {
-            TerrainError::PictureElsewhere { .. } => {
+            TerrainError::PictureElsewhere { .. } | TerrainError::PictureOtherSystem { .. } => {
                 RequestError::at("overlay_elsewhere", &At::root("file"), error)
             }
             error => terrain_error(&At::root("file"), &error),
@@ -114,6 +114,7 @@ impl Overlay {
 fn read(path: &Path, map: &ElevationMap) -> Result<Picture, TerrainError> {
     let options = ReadOptions { max_nodes: PICTURE_TEXELS_MAX, ..ReadOptions::default() };
     let file = geotiff::GeoTiffFile::open_with_options(path, geotiff::limits(&options))?;
+    picture::check_system(&file, map)?;
     let offset: Vector2<f64> = map.frame_offset().xy();
     let (low, high): (Point2<f64>, Point2<f64>) = (map.grid().origin, map.grid().far_corner());
     let mut picture = picture::read(&file, low + offset, high + offset, PICTURE_TEXELS_MAX)?;

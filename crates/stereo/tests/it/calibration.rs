@@ -165,15 +165,16 @@ const OLD_TSAI_FAR: &str = "fu = FOCAL\nfv = FOCAL\ncu = 526\ncv = 374\nu_direct
 
 #[test]
 fn what_is_seen_at_the_very_edge_of_a_cahvor_model_is_seen_there() {
-    // The column 502 + 10 focal lengths is at a tangent of exactly 10, where the model ends; and a lens that folds the
-    // image over between two angles at which it grows has no ray beyond the first.
-    let edge = "C = 0.1 0.2 0.3\nA = 0 0 1\nH = 1 0 502\nV = 0 1 384\n";
+    // A file that fuzzing found: the column 502 + 10 focal lengths is at a tangent of exactly 10, where the model ends.
+    let edge = "Model = CAHV\nDimensions = 1024 768\nC = 0.1 0.2 0.99999999999999999999999999\nA = 0 0 1\n\
+        H = 1 0 502\nV = 0 622 384\n";
     assert_eq!(lost(&read_cahvor(edge, Some(size(1024, 768))).unwrap()), []);
     let camera = read_cahvor(edge, Some(size(1024, 768))).unwrap();
     let at = Point2::new(512.0, 384.0);
     let ray = camera.ray(&at).unwrap();
     let back = camera.project(&(ray.origin + ray.direction.into_inner())).unwrap();
     assert!((back - at).norm() < 1e-9);
+    // A lens that folds the image over between two angles at which it grows has no ray beyond the first.
     // Growth 1 - 8 τ + 15.9 τ²: below 0 from τ = 0.2317 to 0.2714.
     let fold =
         "C = 0 0 0\nA = 0 0 1\nH = 200 0 512\nV = 0 200 384\nO = 0 0 1\nR = 0 -2.6666666666 3.18\n";
