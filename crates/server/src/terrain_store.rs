@@ -203,7 +203,11 @@ impl Version {
             z_range_m,
             known_share: n_known as f64 / grid.len().max(1) as f64,
             frame_offset_m: map.frame_offset().into(),
-            reference_system: map.placement().system.as_ref().map(|system| system.name().to_owned()),
+            reference_system: map
+                .placement()
+                .system
+                .as_ref()
+                .map(|system| system.name().to_owned()),
             tiles: [n_tiles(grid.nx), n_tiles(grid.ny)],
             zooms: n_zooms(grid.nx.max(grid.ny)),
             layers: if layers.is_ok() { &LAYERS[..] } else { &LAYERS[..1] }
@@ -449,8 +453,13 @@ pub fn export(
         let classes = layers.map(|layers| &layers.class).ok_or_else(|| {
             RequestError::at("not_ready", &At::root("format"), "is of a map without traversability")
         })?;
-        return terrain::formats::geotiff::write_classes(classes, "class", &CLASS_COLORS, map.placement())
-            .map_err(|error| refuse("version", error));
+        return terrain::formats::geotiff::write_classes(
+            classes,
+            "class",
+            &CLASS_COLORS,
+            map.placement(),
+        )
+        .map_err(|error| refuse("version", error));
     }
     if format == ExportFormat::Tif {
         let layers = layers.filter(|layers| layers.class.grid() == map.grid());

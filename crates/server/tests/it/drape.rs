@@ -126,7 +126,8 @@ async fn a_raster_is_laid_over_the_ground_told_and_removed() {
     let grid = Grid { origin: Point2::new(-3.0, -2.0), resolution: 0.25, nx: 24, ny: 16 };
     let gray: Vec<u8> = (0..grid.len()).map(|i| (i % 251) as u8).collect();
     let alpha: Vec<u8> = (0..grid.len()).map(|i| if i == 5 { 0 } else { 255 }).collect();
-    put("over.tif", geotiff::write_picture(&grid, &gray, &alpha, &Placement::default()).unwrap()).await;
+    put("over.tif", geotiff::write_picture(&grid, &gray, &alpha, &Placement::default()).unwrap())
+        .await;
     let added = ground.post("terrain/overlays", &json!({ "file": "over.tif" })).await;
     assert_eq!(added.status, 201, "{}", added.json());
     let told = added.json();
@@ -144,7 +145,8 @@ async fn a_raster_is_laid_over_the_ground_told_and_removed() {
     }
     // What does not fit is refused by name.
     let far = Grid { origin: Point2::new(900.0, 900.0), ..grid };
-    put("far.tif", geotiff::write_picture(&far, &gray, &alpha, &Placement::default()).unwrap()).await;
+    put("far.tif", geotiff::write_picture(&far, &gray, &alpha, &Placement::default()).unwrap())
+        .await;
     put("none.tif", b"II\x2a\0 and no more".to_vec()).await;
     for (file, status, code) in [
         ("far.tif", 422, "overlay_elsewhere"),

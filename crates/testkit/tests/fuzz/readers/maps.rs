@@ -148,7 +148,8 @@ fn ground_with(odd: f32) -> ElevationMap {
 
 fn geotiffs() -> Vec<Seed> {
     let map = ground();
-    let ours = geotiff::write_layers(map.grid(), &[("height_m", map.heights())], map.placement()).unwrap();
+    let ours =
+        geotiff::write_layers(map.grid(), &[("height_m", map.heights())], map.placement()).unwrap();
     let kinds: [&[&str]; 10] = [
         &["-co", "COMPRESS=NONE"],
         &["-co", "COMPRESS=LZW", "-co", "PREDICTOR=3"],
