@@ -20,6 +20,7 @@ mod pair;
 pub mod pictures;
 pub mod rebuild;
 mod request;
+pub mod restore;
 pub mod versions;
 
 use std::collections::{BTreeMap, VecDeque};

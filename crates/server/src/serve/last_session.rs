@@ -16,8 +16,8 @@ pub struct LastSession {
     pub commands: Vec<CommandEvent>,
     /// Its E-stop.
     pub estop: EstopMemory,
-    /// The map that cameras had made, in use at its end.
-    pub seen_map: Option<String>,
+    /// The map that cameras had made, in use at its end, and the log that it can be made of.
+    pub seen_map: Option<(String, String)>,
 }
 
 /// What is in the newest log; nothing where there is none. By the index: of what is sealed, only the
@@ -36,7 +36,7 @@ pub fn read(dir: &Path) -> LastSession {
         let last = LastSession {
             commands: commands(&mut opened)?,
             estop: estop(&mut opened)?,
-            seen_map: seen_map(&mut opened)?,
+            seen_map: seen_map(&mut opened)?.map(|version| (version, log.id.clone())),
         };
         opened.damage().iter().for_each(|damage| {
             tracing::warn!("the log {} of the last session is damaged: {damage}", log.id);
