@@ -362,7 +362,7 @@ fn live(
     ground.notice(now, EventLevel::Info, "server", &text);
     if let Some((version, log)) = &earlier.seen_map {
         let text = format!(
-            "the session before ended on the map {version}, which cameras had made: it is being made again from the log {log}"
+            "the map {version}, which cameras had made in the session before, is being made again from the log {log}"
         );
         ground.notice(now, EventLevel::Info, "server", &text);
     }
