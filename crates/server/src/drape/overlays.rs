@@ -128,12 +128,19 @@ impl Overlays {
         // What is kept stays locked, so that of two changes the later is written last.
         let path = self.folder.join(LIST_FILE);
         let aside = self.folder.join(format!("{LIST_FILE}.new"));
-        let written =
-            serde_json::to_vec_pretty(&list).map_err(std::io::Error::other).and_then(|text| {
-                std::fs::create_dir_all(&self.folder)?;
-                std::fs::write(&aside, text)?;
-                std::fs::rename(&aside, &path)
-            });
+        let write = || {
+            if list.overlays.is_empty() {
+                return match std::fs::remove_file(&path) {
+                    Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(error),
+                    _ => Ok(()),
+                };
+            }
+            let text = serde_json::to_vec_pretty(&list).map_err(std::io::Error::other)?;
+            std::fs::create_dir_all(&self.folder)?;
+            std::fs::write(&aside, text)?;
+            std::fs::rename(&aside, &path)
+        };
+        let written = write();
         if let Err(error) = written {
             tracing::warn!("the list of overlays {} was not written: {error}", path.display());
         }
