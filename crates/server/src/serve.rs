@@ -125,7 +125,7 @@ pub struct Server {
     reach: tokio::task::JoinHandle<()>,
     contacts: tokio::task::JoinHandle<()>,
     /// Dials a rover that is a process of its own.
-    dialer: Option<tokio::task::JoinHandle<()>>,
+    dialer: Dialer,
     closing: watch::Sender<bool>,
 }
 
@@ -298,7 +298,11 @@ pub(crate) fn robot(
     context.robot(&At::root("rover"), &scene)
 }
 
-/// The live rover of a configuration: seated on its map, or dialed by the task given with it.
+/// The task that dials a rover that is a process of its own.
+type Dialer = Option<tokio::task::JoinHandle<()>>;
+
+/// The live rover of a configuration, seated on its map or dialed, and the log of an earlier session of which the map of
+/// the cameras is to be made again.
 fn live(
     config: &Arc<Config>,
     place_m: Option<[f64; 2]>,
@@ -306,7 +310,7 @@ fn live(
     robots: &Arc<Robots>,
     map: &ElevationMap,
     clock: Arc<dyn Clock>,
-) -> Result<(Live, Option<tokio::task::JoinHandle<()>>, Option<String>), StartError> {
+) -> Result<(Live, Dialer, Option<String>), StartError> {
     let now = clock.now();
     let robot = robot(config, robots)?;
     let rig = Arc::new(imaging::rig(&At::root("rover"), robots, &config.rover.robot, &robot)?);

@@ -4,7 +4,7 @@
 //! use only if it is the same version, byte for byte; otherwise it is told why not, and nothing changes. What it was
 //! made from stays in that log, to which the record in the new one points.
 //!
-//! Bounds: the time of a reconstruction, one at a time, and [`IMAGE_BYTES_MAX`] bytes of images.
+//! Bounds: the time of a reconstruction, one at a time, and half of the bytes of images that the ground holds.
 
 use std::sync::Arc;
 

@@ -84,7 +84,7 @@ impl Eye {
         let (pixel, depth) = self.pixel(&point)?;
         let way = self.from - point;
         let facing = way.normalize().dot(&normal(p));
-        if depth < RANGE[0] || depth > RANGE[1] || facing < 0.05 {
+        if !(RANGE[0]..=RANGE[1]).contains(&depth) || facing < 0.05 {
             return None;
         }
         let n = (way.norm() / 0.01) as usize;
