@@ -7,6 +7,7 @@
 //! *Write-ahead*: a command goes to the link only once its uplink message and its event are synced.
 //! An E-stop waits for nothing: neither for the log nor for what waits for the log, which it ends.
 
+mod alarm;
 mod carrier;
 mod imaging;
 mod observe;
