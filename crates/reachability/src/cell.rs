@@ -11,7 +11,7 @@ use collision::{
     QuickChecker, Seat, Touch, Touchdown, Violation, no_touchdown, touchdown_cost,
 };
 use nalgebra::{Point2, Point3};
-use rover::{LegAngles, LegFrames, MAX_SOLUTIONS};
+use rover::{Branch, LegAngles, LegFrames, MAX_SOLUTIONS};
 use terrain::traversability::UNSAFE;
 
 use crate::answer::{Cell, CellClass, Reason};
@@ -22,6 +22,8 @@ use crate::look::Look;
 pub(crate) struct Worked {
     pub orientation: usize,
     pub angles: LegAngles,
+    /// Which solution of the leg's kinematics, where that is known.
+    pub branch: Option<Branch>,
 }
 
 /// One way to put the wheel down.
@@ -30,6 +32,7 @@ pub(crate) struct Way {
     pub orientation: usize,
     pub seat: Seat,
     pub angles: LegAngles,
+    pub branch: Option<Branch>,
     pub com: Point3<f64>,
     pub contact: Point3<f64>,
     pub center: Point3<f64>,
@@ -97,10 +100,10 @@ impl<'a> Searcher<'a> {
         Searcher { look, footings, checker, quick, hints, follows, nearest: None }
     }
 
-    /// Begins another tile: nothing that was seen before counts.
+    /// Begins another tile: nothing counts that was seen before and could be seen in the answer. What the
+    /// followers have seen cannot: theirs are the same whatever it was.
     pub fn begin(&mut self) {
         self.hints.fill(Hints::default());
-        self.follows.iter_mut().for_each(Follower::begin);
         self.nearest = None;
     }
 
@@ -182,8 +185,7 @@ impl Search<'_, '_> {
                 }
             }
         }
-        let misses: ArrayVec<f64, 35> =
-            (0..self.n_orientations).map(|o| self.footing.missed(o)).collect();
+        let misses = self.footing.misses();
         let missed = misses.iter().copied().fold(f64::INFINITY, f64::min);
         if missed > 0.0 {
             return Found::nothing(CellClass::Unreachable, Reason::OutOfReach, missed);
@@ -230,10 +232,14 @@ impl Search<'_, '_> {
     fn again(&mut self, worked: &Worked) -> Option<Way> {
         let seat = self.footing.seat(worked.orientation).ok()?;
         let (orientation, lift) = (worked.orientation, self.look.options.lift);
-        let angles = self.footing.nearest_angles(orientation, &seat, 0.0, &worked.angles)?;
+        let (angles, branch) = (&worked.angles, worked.branch);
+        let down = self.footing.nearest_angles(orientation, &seat, 0.0, angles, branch)?;
+        let (angles, branch) = (down.angles, Some(down.branch));
         let frames = self.quick.chain().frames(&angles);
         let mut way = self.placed(&PutDown::new(orientation, seat), angles, &frames)?;
-        way.raised = Some(self.footing.nearest_angles(orientation, &seat, lift, &angles)?);
+        way.branch = branch;
+        let raised = self.footing.nearest_angles(orientation, &seat, lift, &angles, branch)?;
+        way.raised = Some(raised.angles);
         if !(self.look.can_lift_off && self.look.holds(&way)) {
             return None;
         }
@@ -406,7 +412,7 @@ impl Search<'_, '_> {
             contact = self.footing.touchdown(orientation, &seat, angles)?.contact;
         }
         let center = self.look.wheel_center(frames);
-        Some(Way { orientation, seat, angles, com, contact, center, raised: None })
+        Some(Way { orientation, seat, angles, branch: None, com, contact, center, raised: None })
     }
 
     /// What the way that got furthest lacks.
