@@ -141,10 +141,15 @@ impl<'c> Follower<'c> {
         }
     }
 
-    /// As [`touch`](Self::touch) for a wheel that sits on the ground: shifted along z until it just touches, and so
-    /// clear of it all over where it is raised by what it may be in the ground.
-    pub fn touch_seated(&mut self, frames: &LegFrames, zone: &ContactZone) -> Option<Touch> {
-        self.is_seated = zone.ground_tolerance > 0.0;
+    /// As [`touch`](Self::touch) for a wheel that stands in its zone. One that `is_seated` was shifted along z until
+    /// it just touches, and so is clear of the ground all over where it is raised by what it may be in it.
+    pub fn touch_standing(
+        &mut self,
+        frames: &LegFrames,
+        zone: &ContactZone,
+        is_seated: bool,
+    ) -> Option<Touch> {
+        self.is_seated = is_seated && zone.ground_tolerance > 0.0;
         let touch = self.touch(frames, Allowance { zone: Some(zone), buffered: false });
         self.is_seated = false;
         touch

@@ -128,6 +128,14 @@ impl<'a> Footings<'a> {
         Vector3::new(cos * wrist.y + sin * aside, sin * wrist.y - cos * aside, -down)
     }
 
+    /// How far the wrist is at most from the wheel's center, across the ground's normal and along it, in the
+    /// orientations that are tried (m); none for a leg without closed form.
+    pub fn farthest_wrist(&self) -> Option<(f64, f64)> {
+        self.model.ik.closed_form()?;
+        let most = |of: fn(&Vector3<f64>) -> f64| self.wrists.iter().map(of).fold(0.0, f64::max);
+        Some((most(|wrist| wrist.xy().norm()), most(|wrist| wrist.z.abs())))
+    }
+
     /// Number of orientations that are tried in a place.
     pub fn n_orientations(&self) -> usize {
         self.yaws.len() * self.fork_pitches.len()

@@ -79,6 +79,8 @@ pub(crate) struct Searcher<'a> {
     hints: Vec<Hints>,
     /// The leg from one reachable cell to the next: on the ground, and at the waypoint above.
     follows: [Follower<'a>; 2],
+    /// The leg from one way to the next where none like the last one works.
+    tries: Follower<'a>,
     /// The point of ground that the wheel was nearest to when it was seated last.
     nearest: Option<Point2<f64>>,
 }
@@ -97,7 +99,8 @@ impl<'a> Searcher<'a> {
         let hints = vec![Hints::default(); footings.n_orientations()];
         let quick = QuickChecker::new(checker);
         let follows = [Follower::new(checker), Follower::new(checker)];
-        Searcher { look, footings, checker, quick, hints, follows, nearest: None }
+        let tries = Follower::new(checker);
+        Searcher { look, footings, checker, quick, hints, follows, tries, nearest: None }
     }
 
     /// Begins another tile: nothing counts that was seen before and could be seen in the answer. What the
@@ -125,6 +128,7 @@ impl<'a> Searcher<'a> {
             quick: &mut self.quick,
             hints: &mut self.hints,
             follows: &mut self.follows,
+            tries: &mut self.tries,
             footing,
             n_orientations: self.footings.n_orientations(),
             best: None,
@@ -165,6 +169,7 @@ struct Search<'s, 'a> {
     quick: &'s mut QuickChecker<'a>,
     hints: &'s mut [Hints],
     follows: &'s mut [Follower<'a>; 2],
+    tries: &'s mut Follower<'a>,
     footing: Footing<'s>,
     n_orientations: usize,
     /// The way that got furthest; of equals the first.
@@ -245,12 +250,7 @@ impl Search<'_, '_> {
         }
         let zone = self.look.zone(&way);
         let [down, lifted] = &mut *self.follows;
-        let touch = if self.look.robot.leg(self.look.leg).ik.fixes_orientation() {
-            down.touch_seated(&frames, &zone)
-        } else {
-            down.touch(&frames, Allowance { zone: Some(&zone), buffered: false })
-        };
-        if touch.is_some() {
+        if down.touch_standing(&frames, &zone, self.look.is_seated()).is_some() {
             return None;
         }
         let frames = self.quick.chain().frames(&way.raised?);
@@ -386,7 +386,14 @@ impl Search<'_, '_> {
             }
         }
         let hint = &mut self.hints[put.orientation].down;
-        if let Some(touch) = self.quick.touch(&frames, allowance, hint) {
+        let mut touch = self.quick.touch_lately(&frames, allowance, hint);
+        // Mostly free then: the first ways of a cell are much like those of the one before.
+        if touch.is_none()
+            && self.tries.touch_standing(&frames, &zone, self.look.is_seated()).is_some()
+        {
+            touch = self.quick.touch(&frames, allowance, hint);
+        }
+        if let Some(touch) = touch {
             return fails(Rank::Collides, way, Some(touch));
         }
         if !self.look.can_lift_off {
