@@ -24,7 +24,7 @@ use wire::precondition::Unmet;
 use wire::time::Timestamp;
 
 pub use authority::{Authority, AuthorityError, AuthorityRules};
-pub use book::CommandBook;
+pub use book::{CommandBook, Silence};
 pub use estop::{Estop, EstopError, EstopMemory, RELEASE_WINDOW_S};
 
 /// How long an armed command may be sent (s).

@@ -7,6 +7,7 @@
 //! *Write-ahead*: a command goes to the link only once its uplink message and its event are synced.
 //! An E-stop waits for nothing: neither for the log nor for what waits for the log, which it ends.
 
+mod alarm;
 mod carrier;
 mod imaging;
 mod observe;
@@ -30,10 +31,10 @@ use wire::time::Timestamp;
 use crate::adapter::RoverAdapter;
 use crate::bus::{Bus, ChannelMessage};
 use crate::commands::{
-    Authority, AuthorityRules, CommandBook, CommandError, Estop, EstopMemory, LightTimes,
+    Authority, AuthorityRules, CommandBook, CommandError, Estop, EstopMemory, LightTimes, Silence,
 };
 use crate::images::Images;
-use crate::link::{self, Delivered, Direction, DropCause, LinkError, Notice};
+use crate::link::{self, Delivered, Direction, DropCause, LinkError, Notice, Settings};
 use crate::recorder::{Record, Recorder, RecorderError, RecorderStatus, Written};
 use crate::views::Views;
 
@@ -174,7 +175,7 @@ impl Ground {
     ) -> Result<Ground, LinkError> {
         let [up, down] = link::check(&link)?;
         let wake = recorder.committed();
-        Ok(Ground {
+        let mut ground = Ground {
             adapter,
             up: Direction::new(up, UPLINK_MAX),
             down: Direction::new(down, DOWNLINK_MAX),
@@ -201,7 +202,9 @@ impl Ground {
             views: None,
             carrier: None,
             carrier_lost: None,
-        })
+        };
+        ground.tell_silences(now, "server");
+        Ok(ground)
     }
 
     /// Has what stock viewers draw logged, too. To be called first; the recorder must have been given
@@ -225,6 +228,7 @@ impl Ground {
     ) -> usize {
         let now = self.tick(now);
         self.book = CommandBook::restore(now, events);
+        self.tell_silences(now, "server");
         let last = self.book.records().filter_map(|record| record.epoch).max().unwrap_or(0);
         let last = last.max(self.authority.report(now).epoch);
         self.authority = Authority::new(now, self.authority.rules(), last);
@@ -391,6 +395,8 @@ impl Ground {
             match notice {
                 Notice::Transmitted { item: Uplink::Command { id, .. }, at, arrives, .. } => {
                     let light = self.light_times(at);
+                    let light =
+                        LightTimes { down_s: word_s(self.down.settings(), arrives), ..light };
                     self.book.transmitted(at, &id, arrives, light);
                 }
                 Notice::Dropped {
@@ -443,6 +449,32 @@ impl Ground {
             down_s: down.light_s(now),
             spread_s: up.jitter_max_s() + down.jitter_max_s(),
         }
+    }
+
+    /// As [`Ground::light_times`], with what outages hold back: of a command that is released at `now`.
+    fn command_times(&self, now: Timestamp) -> LightTimes {
+        let leaves = self.up.settings().open_from(now);
+        let up_s = leaves.seconds_since(now) + self.up.settings().light_s(leaves);
+        LightTimes {
+            up_s,
+            down_s: word_s(self.down.settings(), now.plus_seconds(up_s)),
+            ..self.light_times(now)
+        }
+    }
+
+    /// When an E-stop that is wanted at `now` reaches the rover at the earliest: what is lost in an outage is
+    /// sent again until it has come.
+    fn estop_arrives(&self, now: Timestamp) -> Timestamp {
+        let up = self.up.settings();
+        let leaves = up.clear_from(now);
+        leaves.plus_seconds(up.light_s(leaves))
+    }
+
+    /// The book of commands learns when no word can come.
+    fn tell_silences(&mut self, now: Timestamp, who: &str) {
+        let silences = self.down.settings().silences();
+        let silences = silences.map(|[begin, end]| Silence { begin, end }).collect();
+        self.book.set_silences(now, who, silences);
     }
 
     fn receive(&mut self, arrived: Delivered<(Timestamp, Downlink)>) {
@@ -585,6 +617,12 @@ fn record_of(message: &ChannelMessage) -> Record {
         publish_time: message.onboard_time,
         data: message.json.clone(),
     }
+}
+
+/// How long a word of the rover that is said at `at` takes to the ground, at least (s).
+fn word_s(down: &Settings, at: Timestamp) -> f64 {
+    let leaves = down.clear_from(at);
+    leaves.seconds_since(at) + down.light_s(leaves)
 }
 
 fn log_error(error: RecorderError) -> CommandError {

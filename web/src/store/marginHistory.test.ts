@@ -83,6 +83,28 @@ describe("the history of margins", () => {
     expect(ask).toHaveBeenCalledTimes(2);
   });
 
+  it("is empty where a replay went back to before the first frame, whatever was asked", async () => {
+    let answer = (_: ReplayMargins) => {};
+    const ask = vi
+      .spyOn(api, "replayMargins")
+      .mockImplementation(() => new Promise((resolve) => (answer = resolve)));
+    stop = startMargins();
+    open("back");
+    for (let s = 40; s < 44; s++) tell(s, 4, "back");
+    expect(regular()).toHaveLength(3);
+    for (const s of [44, 0]) {
+      const state = { id: "back", log: "l", start: at(0), end: at(99), at: at(s) } as ReplayState;
+      useConsole.setState((c) => ({ stream: reduce(c.stream, { op: "replay", state }) }));
+    }
+    expect(regular()).toEqual([]);
+    answer(logged(40));
+    await Promise.resolve();
+    expect(regular()).toEqual([]);
+    ask.mockResolvedValue(logged(2));
+    tell(2, 0.2, "back");
+    await vi.waitFor(() => expect(regular()).toEqual([0, 0.1]));
+  });
+
   it("an answer that a later jump has overtaken is not shown", async () => {
     const answers: ((answer: ReplayMargins) => void)[] = [];
     const ask = vi

@@ -78,6 +78,12 @@ function gather(state: ConsoleState): void {
     asking = null;
   }
   const next = shown(state.stream).stability;
+  if (!next && last) {
+    // A replay went back to before the first of them.
+    buffer = NO_MARGINS;
+    last = null;
+    asking = null;
+  }
   if (next && next !== last) {
     const replay = state.stream.replayState?.id;
     if (replay !== undefined && isJump(last?.onboard_ms ?? null, next.onboard_ms)) void ask(replay);

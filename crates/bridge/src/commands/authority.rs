@@ -137,7 +137,9 @@ impl Authority {
         who: &str,
         to: &str,
     ) -> Result<u64, AuthorityError> {
-        self.renew(now, who)?;
+        if self.alive(now).is_none_or(|holder| holder.operator != who) {
+            return Err(AuthorityError::NotHolder { who: who.into() });
+        }
         if who == to {
             return Err(AuthorityError::HasIt { who: who.into() });
         }

@@ -1,6 +1,7 @@
 //! The commands in memory and the rules of their transitions.
 
 mod approval;
+mod deadlines;
 mod restart;
 
 use std::collections::{BTreeMap, HashMap};
@@ -11,10 +12,12 @@ use wire::live::{
 };
 use wire::time::Timestamp;
 
+pub use deadlines::Silence;
+
 use super::plans::PlanOrder;
 use super::{
-    ACK_SLACK_S, ARM_WINDOW_S, CommandError, LightTimes, MAX_COMMANDS, MOTION_SLACK_S,
-    MOTION_STRETCH, StageCommand, is_outstanding, is_terminal, new_id, stages,
+    ARM_WINDOW_S, CommandError, LightTimes, MAX_COMMANDS, MOTION_SLACK_S, MOTION_STRETCH,
+    StageCommand, is_outstanding, is_terminal, new_id, stages,
 };
 
 /// Who is named where no operator asked.
@@ -33,6 +36,8 @@ pub struct CommandBook {
     next_order: u64,
     plans: PlanOrder,
     events: Vec<CommandEvent>,
+    /// See [`CommandBook::set_silences`].
+    silences: Vec<Silence>,
 }
 
 #[derive(Debug)]
@@ -47,7 +52,8 @@ struct Entry {
     armed_by: Option<String>,
     /// It is of an earlier session.
     restored: bool,
-    /// As `record.overdue_after`, and later where telemetry has granted more.
+    /// When a word should be here, were there no outages. `record.overdue_after`, which counts them, is as
+    /// of the last news; telemetry may have granted more since.
     deadline: Option<Timestamp>,
     /// The link has transmitted it: from then on a word is waited for.
     transmitted: bool,
@@ -213,13 +219,10 @@ impl CommandBook {
             entry.record.epoch = epoch;
             stages::begin(&mut entry.record, now);
             let arrives = now.plus_seconds(light.up_s);
-            let earliest_ack = arrives.plus_seconds(light.down_s);
             entry.record.state = CommandState::Sent;
             entry.record.armed_until = None;
             entry.record.sent = Some(now);
-            entry.record.arrives = Some(arrives);
-            entry.record.earliest_ack = Some(earliest_ack);
-            entry.expect_word_by(earliest_ack.plus_seconds(ACK_SLACK_S + light.spread_s));
+            entry.expect(arrives, light);
         })?;
         let entry = &self.entries[&self.order_of[id]];
         let uplink = Uplink::Command {
@@ -243,11 +246,8 @@ impl CommandBook {
         }
         entry.transmitted = true;
         let _ = self.transition(now, id, SERVER, Some("transmitted"), |entry| {
-            let earliest_ack = arrives.plus_seconds(light.down_s);
-            entry.record.arrives = Some(arrives);
-            entry.record.earliest_ack = Some(earliest_ack);
             stages::pass(&mut entry.record, VerificationStage::Transmitted, now);
-            entry.expect_word_by(earliest_ack.plus_seconds(ACK_SLACK_S + light.spread_s));
+            entry.expect(arrives, light);
         });
     }
 
@@ -347,53 +347,6 @@ impl CommandBook {
             let _ = self.transition(now, &executing.command_id, ROVER, None, |entry| {
                 entry.record.progress = progress;
                 entry.record.step = executing.step;
-                entry.record.overdue_after = entry.deadline;
-            });
-        }
-    }
-
-    /// What time brings: armed commands lapse, silent ones are overdue.
-    pub fn tick(&mut self, now: Timestamp) {
-        let lapsed: Vec<String> = self.ids(|e| {
-            e.record.state == CommandState::Armed && e.record.armed_until.is_some_and(|t| now > t)
-        });
-        for id in lapsed {
-            self.disarm(now, &id, SERVER, "was not sent within 30 s");
-        }
-        let overdue = self.ids(|e| {
-            let waits = is_outstanding(e.record.state) && e.record.state != CommandState::Overdue;
-            waits && e.transmitted && e.deadline.is_some_and(|t| now > t)
-        });
-        for id in overdue {
-            let why = "no word from the rover when there should have been one; outcome unknown";
-            self.lose_track(now, &id, why);
-        }
-    }
-
-    /// When [`CommandBook::tick`] has something to do next.
-    pub fn next_deadline(&self) -> Option<Timestamp> {
-        let waits = |e: &Entry| match e.record.state {
-            CommandState::Armed => e.record.armed_until,
-            CommandState::Overdue => None,
-            state if is_outstanding(state) && e.transmitted => e.deadline,
-            _ => None,
-        };
-        self.entries.values().filter_map(waits).min()
-    }
-
-    /// The delay down has grown by `seconds` (s): words on sent commands may take that much longer.
-    pub fn allow_longer(&mut self, now: Timestamp, who: &str, seconds: f64) {
-        for id in self.ids(|e| is_outstanding(e.record.state)) {
-            let why = format!("the delay of telemetry has grown by {seconds} s");
-            let _ = self.transition(now, &id, who, Some(&why), |entry| {
-                if let Some(ack) =
-                    entry.record.earliest_ack.filter(|_| Some(now) < entry.record.arrives)
-                {
-                    entry.record.earliest_ack = Some(ack.plus_seconds(seconds));
-                }
-                if let Some(deadline) = entry.deadline {
-                    entry.expect_word_by(deadline.plus_seconds(seconds));
-                }
             });
         }
     }
@@ -500,9 +453,11 @@ impl CommandBook {
         change: impl FnOnce(&mut Entry),
     ) -> Result<CommandRecord, CommandError> {
         let unknown = || CommandError::Unknown { id: id.chars().take(64).collect() };
-        let entry = self.entry_mut(id).ok_or_else(unknown)?;
+        let order = self.order_of.get(id).ok_or_else(unknown)?;
+        let entry = self.entries.get_mut(order).ok_or_else(unknown)?;
         debug_assert!(!is_terminal(entry.record.state), "an ended command changes no more");
         change(entry);
+        entry.tell_deadline(&self.silences);
         let record = entry.record.clone();
         self.events.push(event(now, &record, who, why));
         Ok(record)
@@ -521,7 +476,7 @@ impl CommandBook {
             let motion_s = entry.record.duration_s * MOTION_STRETCH + MOTION_SLACK_S;
             let from = entry.record.earliest_ack.map_or(now, |ack| ack.max(now));
             let by = from.plus_seconds(motion_s);
-            entry.expect_word_by(entry.deadline.map_or(by, |deadline| deadline.max(by)));
+            entry.deadline = entry.deadline.max(Some(by));
         });
     }
 
@@ -614,14 +569,6 @@ impl CommandBook {
             self.order_of.remove(&entry.record.id);
         }
         Ok(())
-    }
-}
-
-impl Entry {
-    fn expect_word_by(&mut self, deadline: Timestamp) {
-        self.deadline = Some(deadline);
-        self.record.overdue_after = Some(deadline);
-        stages::due(&mut self.record, VerificationStage::Transmitted, deadline);
     }
 }
 

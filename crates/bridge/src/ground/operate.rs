@@ -8,7 +8,7 @@ use wire::live::{
 use wire::resources::EstopAnswer;
 use wire::time::Timestamp;
 
-use super::{Ground, Logged, Pending, Release, RoverBusy, log_error, size};
+use super::{Ground, Logged, Pending, Release, RoverBusy, log_error, size, word_s};
 use crate::adapter::RoverAdapter;
 use crate::commands::{AuthorityError, CommandError, EstopError, StageCommand};
 use crate::link::{self, LinkError, Settings};
@@ -98,7 +98,7 @@ impl Ground {
         let epoch = self.exercise_authority(now, who)?;
         let waits_for = self.book.get(id).map(|record| record.preconditions.clone());
         let observed = self.observe(now, waits_for.as_deref().unwrap_or_default())?;
-        let light = self.light_times(now);
+        let light = self.command_times(now);
         let outcome = self.book.send_as(now, id, who, light, Some(epoch));
         let uplink = match outcome {
             Ok((_, mut uplink)) => {
@@ -294,7 +294,7 @@ impl Ground {
     /// then everything else happens.
     pub fn estop(&mut self, now: Timestamp, who: &str) -> EstopAnswer {
         let now = self.tick(now);
-        let takes_effect = now.plus_seconds(self.up.settings().light_s(now));
+        let takes_effect = self.estop_arrives(now);
         let release_under_way = self.estop.state() == EstopState::ReleaseSent;
         let uplink = Uplink::Estop { id: self.estop.stop(now, takes_effect) };
         if let Err(full) = self.offer_up(now, LinkClass::Estop, uplink.clone()) {
@@ -331,7 +331,7 @@ impl Ground {
         token: Option<&str>,
     ) -> Result<EstopAnswer, EstopError> {
         let now = self.tick(now);
-        let takes_effect = now.plus_seconds(self.up.settings().light_s(now));
+        let takes_effect = self.estop_arrives(now);
         let Some(token) = token else {
             let token = Some(self.estop.ask_release(now)?);
             return Ok(EstopAnswer { state: self.estop.state(), takes_effect, token });
@@ -374,8 +374,12 @@ impl Ground {
         let grown_s = after.down_s + after.spread_s - before.down_s - before.spread_s;
         if grown_s > 0.0 {
             self.book.allow_longer(now, who, grown_s);
-            self.publish_events();
         }
+        self.tell_silences(now, who);
+        let times = self.command_times(now);
+        let down = self.down.settings();
+        self.book.reconsider(now, who, times, |said| word_s(down, said));
+        self.publish_events();
         let mut text = format!("link delay set to {} s up, {} s down", after.up_s, after.down_s);
         for (name, direction) in [("up", self.up.settings()), ("down", self.down.settings())] {
             if direction.beyond_delay().is_some() {

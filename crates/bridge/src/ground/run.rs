@@ -4,6 +4,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use super::Ground;
+use super::alarm::Alarm;
 use crate::clock::Clock;
 
 /// Longest time between two steps (s).
@@ -15,6 +16,7 @@ const SHORTEST_S: f64 = 0.000_2;
 /// least every [`STEP_S`]. Ends by being dropped.
 pub async fn run(ground: Arc<Mutex<Ground>>, clock: Arc<dyn Clock>) {
     let wake = locked(&ground).wake.clone();
+    let alarm = Alarm::new();
     loop {
         let (next, arrivals) = {
             let mut ground = locked(&ground);
@@ -31,8 +33,11 @@ pub async fn run(ground: Arc<Mutex<Ground>>, clock: Arc<dyn Clock>) {
             }
         };
         let wait_s = next.seconds_since(clock.now()).clamp(SHORTEST_S, STEP_S);
+        let wait = Duration::from_secs_f64(wait_s);
+        alarm.set(wait);
         tokio::select! {
-            () = tokio::time::sleep(Duration::from_secs_f64(wait_s)) => {}
+            () = alarm.ring() => {}
+            () = tokio::time::sleep(wait) => {}
             () = wake.notified() => {}
             () = arrived => {}
         }

@@ -1,6 +1,6 @@
 //! The model of one direction, checked and ready to use.
 
-use wire::live::{DirectionModel, Jitter, LinkClass, LinkConfig, Loss, OutageTraffic};
+use wire::live::{DirectionModel, Jitter, LinkClass, LinkConfig, Loss, Outage, OutageTraffic};
 use wire::time::Timestamp;
 
 /// Longest one-way delay that can be set (s): beyond Mars at its farthest.
@@ -119,16 +119,31 @@ impl Settings {
     }
 
     /// The first moment from `at` on that is not in an outage that holds.
-    pub(super) fn open_from(&self, at: Timestamp) -> Timestamp {
-        let mut at = at;
+    pub fn open_from(&self, at: Timestamp) -> Timestamp {
+        self.first_beyond(at, |outage| outage.traffic == OutageTraffic::Hold)
+    }
+
+    /// The first moment from `at` on that is not in any outage.
+    pub fn clear_from(&self, at: Timestamp) -> Timestamp {
+        self.first_beyond(at, |_| true)
+    }
+
+    fn first_beyond(&self, at: Timestamp, which: impl Fn(&Outage) -> bool) -> Timestamp {
         let first = self.model.outages.partition_point(|outage| outage.end <= at);
+        let mut at = at;
         for outage in &self.model.outages[first..] {
-            if outage.begin > at || outage.traffic != OutageTraffic::Hold {
+            if outage.begin > at || !which(outage) {
                 break;
             }
             at = outage.end;
         }
         at
+    }
+
+    /// Outages as they are noticed at the other end: from when to when nothing arrives.
+    pub fn silences(&self) -> impl Iterator<Item = [Timestamp; 2]> {
+        let arrival = |at: Timestamp| Timestamp(at.0.saturating_add(self.light_ns(at)));
+        self.model.outages.iter().map(move |outage| [outage.begin, outage.end].map(arrival))
     }
 
     /// Is what begins at `at` lost in an outage?

@@ -33,6 +33,37 @@ fn it_is_acquired_renewed_released_and_lapses() {
 }
 
 #[test]
+fn it_is_asked_for_a_minute_and_handed_over_by_its_holder_alone() {
+    let mut a = authority(true);
+    assert_eq!(a.ask(START, "ada"), Ok(false), "nobody has it: it is taken");
+    let first = a.report(START);
+    assert_eq!(first.holder.as_deref(), Some("ada"));
+    assert_eq!(a.ask(after(1.0), "ada"), Err(AuthorityError::HasIt { who: "ada".into() }));
+    assert_eq!(a.ask(after(1.0), "bob"), Ok(true));
+    assert_eq!(a.ask(after(2.0), "bob"), Ok(false), "no news");
+    let asked = a.report(after(2.0));
+    assert_eq!((asked.asked_by.as_deref(), asked.epoch), (Some("bob"), first.epoch));
+    assert_eq!(a.ask(after(3.0), "eve"), Ok(true), "the last who asks is shown");
+    // A refused request changes nothing, the lease neither.
+    let not_his = AuthorityError::NotHolder { who: "bob".into() };
+    assert_eq!(a.hand_over(after(10.0), "bob", "bob"), Err(not_his));
+    let has_it = AuthorityError::HasIt { who: "ada".into() };
+    assert_eq!(a.hand_over(after(10.0), "ada", "ada"), Err(has_it));
+    assert_eq!(a.report(after(10.0)).until, Some(after(30.0)));
+    a.renew(after(29.0), "ada").unwrap();
+    a.renew(after(58.0), "ada").unwrap();
+    assert_eq!(a.report(after(62.9)).asked_by.as_deref(), Some("eve"));
+    assert_eq!(a.report(after(63.1)).asked_by, None, "a minute after it was asked");
+    // Who is handed it need not have asked; the request is answered with it.
+    a.ask(after(64.0), "eve").unwrap();
+    let handed = a.hand_over(after(65.0), "ada", "bob").unwrap();
+    assert!(handed > first.epoch && a.check(after(65.0), first.epoch).is_err());
+    let report = a.report(after(65.0));
+    assert_eq!((report.holder.as_deref(), report.asked_by), (Some("bob"), None));
+    assert_eq!(report.until, Some(after(95.0)));
+}
+
+#[test]
 fn without_a_rule_arming_acquires_it_where_nobody_has_it() {
     let mut a = authority(false);
     let first = a.exercise(START, "ada").unwrap();
@@ -80,7 +111,7 @@ fn c3_no_two_epochs_are_accepted_out_of_order_and_one_commands_at_a_time() {
             now = now.plus_seconds(if rng.random_bool(0.3) { 0.0 } else { pause });
             let person = rng.random_range(0..4);
             let alive = holder.filter(|(.., until)| *until >= now);
-            match rng.random_range(0..10) {
+            match rng.random_range(0..12) {
                 0..3 => {
                     let given = a.acquire(now, persons[person]);
                     let free = alive.is_none_or(|(other, ..)| other == person);
@@ -108,6 +139,28 @@ fn c3_no_two_epochs_are_accepted_out_of_order_and_one_commands_at_a_time() {
                     assert_eq!(released.is_ok(), held, "seed {seed}");
                     if held {
                         holder = None;
+                    }
+                }
+                5 => {
+                    let asked = a.ask(now, persons[person]);
+                    let has_it = alive.is_some_and(|(other, ..)| other == person);
+                    assert_eq!(asked.is_err(), has_it, "seed {seed}");
+                    if alive.is_none() {
+                        let epoch = a.report(now).epoch;
+                        assert!(epoch > highest, "seed {seed}: free, so it was taken");
+                        (highest, thinks[person]) = (epoch, Some(epoch));
+                        holder = Some((person, epoch, now.plus_seconds(30.0)));
+                    }
+                }
+                6 => {
+                    let to = rng.random_range(0..4);
+                    let given = a.hand_over(now, persons[person], persons[to]);
+                    let held = alive.is_some_and(|(other, ..)| other == person);
+                    assert_eq!(given.is_ok(), held && to != person, "seed {seed}");
+                    if let Ok(epoch) = given {
+                        assert!(epoch > highest, "seed {seed}: handed over");
+                        (highest, thinks[to]) = (epoch, Some(epoch));
+                        holder = Some((to, epoch, now.plus_seconds(30.0)));
                     }
                 }
                 // Sends what it thinks it may: the release path decides.

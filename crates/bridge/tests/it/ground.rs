@@ -1,5 +1,7 @@
 //! Ground and a scripted rover, end to end on a clock of their own.
 
+mod outages;
+
 use std::sync::{Arc, Mutex};
 
 use bridge::adapter::RoverAdapter;

@@ -33,10 +33,12 @@ const TIMED: u64 = 100;
 const SLOW_BYTES_S: f64 = 10_000.0;
 
 /// What a console has heard.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Heard {
     /// The last number of each channel.
     last: BTreeMap<String, u64>,
+    /// What comes is still the latest message of each channel, in order of their names.
+    beginning: bool,
     /// Numbers left out, over all channels.
     holes: u64,
     /// What it was told to have missed.
@@ -45,36 +47,54 @@ struct Heard {
     delays_s: Vec<f64>,
 }
 
+impl Heard {
+    fn new() -> Heard {
+        Heard { last: BTreeMap::new(), beginning: true, holes: 0, told: 0, delays_s: Vec::new() }
+    }
+
+    /// Takes a frame; the message that it is, if it is one.
+    fn take(&mut self, text: &str) -> Option<(String, u64, Value)> {
+        let mut frame: Value = serde_json::from_str(text).unwrap();
+        match frame["op"].as_str() {
+            Some("gap") => {
+                self.beginning = false;
+                self.told += frame["missed"].as_u64().unwrap();
+                None
+            }
+            Some("message") => {
+                let name = frame["channel"].as_str().unwrap().to_owned();
+                let sequence = frame["sequence"].as_u64().unwrap();
+                self.beginning &= self.last.keys().next_back().is_none_or(|last| *last < name);
+                // A channel that was silent before has its first message later, with number 1.
+                let before = self.last.insert(name.clone(), sequence).unwrap_or(0);
+                self.holes += if self.beginning { 0 } else { sequence - before - 1 };
+                Some((name, sequence, frame["message"].take()))
+            }
+            _ => None,
+        }
+    }
+}
+
 /// Listens until the last message; tells how far it is. Takes its time over each until it may go on.
 async fn listen(
     mut socket: Socket,
+    mut heard: Heard,
     progress: Arc<AtomicU64>,
     begin: Instant,
     slow: Option<watch::Receiver<bool>>,
 ) -> Heard {
-    let mut heard = Heard::default();
     while heard.last.get(CHANNEL) != Some(&MESSAGES) {
         let Message::Text(text) = socket.next().await.unwrap().unwrap() else { continue };
         if slow.as_ref().is_some_and(|going| !*going.borrow()) {
             tokio::time::sleep(Duration::from_secs_f64(text.len() as f64 / SLOW_BYTES_S)).await;
         }
-        let frame: Value = serde_json::from_str(&text).unwrap();
-        match frame["op"].as_str() {
-            Some("gap") => heard.told += frame["missed"].as_u64().unwrap(),
-            Some("message") => {
-                let name = frame["channel"].as_str().unwrap().to_owned();
-                let sequence = frame["sequence"].as_u64().unwrap();
-                let before = heard.last.insert(name.clone(), sequence);
-                heard.holes += before.map_or(0, |before| sequence - before - 1);
-                if name == CHANNEL {
-                    progress.store(sequence, Ordering::Release);
-                    if sequence > MESSAGES - TIMED {
-                        let at_s = frame["message"]["at_s"].as_f64().unwrap();
-                        heard.delays_s.push(begin.elapsed().as_secs_f64() - at_s);
-                    }
-                }
+        let Some((name, sequence, message)) = heard.take(&text) else { continue };
+        if name == CHANNEL {
+            progress.store(sequence, Ordering::Release);
+            if sequence > MESSAGES - TIMED {
+                let at_s = message["at_s"].as_f64().unwrap();
+                heard.delays_s.push(begin.elapsed().as_secs_f64() - at_s);
             }
-            _ => {}
         }
     }
     heard
@@ -95,21 +115,24 @@ async fn consoles_that_take_little_are_told_what_they_missed_and_the_others_miss
             let (mut socket, _) = connect_async(&url).await.unwrap();
             say(&mut socket, json!({ "op": "subscribe" })).await;
             // Its latest messages come: it is a listener now.
-            while !matches!(socket.next().await, Some(Ok(Message::Text(t))) if t.contains("rover/state"))
-            {
+            let mut heard = Heard::new();
+            while !heard.last.contains_key(channel::ROVER_STATE) {
+                if let Message::Text(text) = socket.next().await.unwrap().unwrap() {
+                    heard.take(&text);
+                }
             }
             let at = Arc::new(AtomicU64::new(0));
             let mut going = going.clone();
             match kind {
                 0 => {
                     progress.push(at.clone());
-                    healthy.push(tokio::spawn(listen(socket, at, begin, None)));
+                    healthy.push(tokio::spawn(listen(socket, heard, at, begin, None)));
                 }
                 1 => behind.push(tokio::spawn(async move {
                     going.wait_for(|going| *going).await.unwrap();
-                    listen(socket, at, begin, None).await
+                    listen(socket, heard, at, begin, None).await
                 })),
-                _ => behind.push(tokio::spawn(listen(socket, at, begin, Some(going)))),
+                _ => behind.push(tokio::spawn(listen(socket, heard, at, begin, Some(going)))),
             }
         }
     }
@@ -133,18 +156,24 @@ async fn consoles_that_take_little_are_told_what_they_missed_and_the_others_miss
             tokio::time::sleep(Duration::from_millis(1)).await;
         }
     }
+    // All hear the same order, so that this is what there was before the last message, on each channel.
+    let mut all = BTreeMap::new();
     let mut delays_s = Vec::new();
     for console in healthy {
         let heard = console.await.unwrap();
         assert_eq!((heard.holes, heard.told), (0, 0), "{:?}", heard.last);
         delays_s.extend(heard.delays_s);
+        all = heard.last;
     }
     go_on.send(true).unwrap();
     let mut missed = 0;
     for console in behind {
         let heard = console.await.unwrap();
         assert!(heard.told > 0, "it was far behind");
-        assert_eq!(heard.holes, heard.told, "{:?}", heard.last);
+        // Of a channel that then was silent no later number shows the hole.
+        let at_end = |(name, last): (&String, &u64)| last - heard.last.get(name).unwrap_or(&0);
+        let holes = heard.holes + all.iter().map(at_end).sum::<u64>();
+        assert_eq!(holes, heard.told, "{:?} of {all:?}", heard.last);
         missed += heard.told;
     }
     let status = ground.app().live.locked().0.recorder_status();
