@@ -2,6 +2,7 @@
 
 use nalgebra::{Point2, Point3, Vector3};
 use parry3d_f64::shape::Triangle;
+use terrain::ElevationMap;
 
 use crate::form::{Placed, QuickLook, apart_from_block, look_at_triangle, nearest_on_triangle};
 use crate::gjk::{Separation, separation};
@@ -36,7 +37,7 @@ pub(crate) fn clear_of_ground(
     if beside_map(scene, min, max) || over_a_hole(scene, min, max) {
         return false;
     }
-    let map = scene.map();
+    let map = scene.cover();
     if map.max_over(min, max) <= aabb.0.z - need {
         return true;
     }
@@ -98,7 +99,7 @@ pub(crate) fn near_known_ground(
     reach: f64,
     kernel: Kernel,
 ) -> Option<Near> {
-    let map = scene.map();
+    let map = scene.cover();
     let aabb = placed.aabb(&part.form);
     let center = placed.center();
     if let Some(ground) = map.height_at(center.xy()) {
@@ -167,7 +168,7 @@ pub(crate) fn is_near_ground_at(
     place: Point2<f64>,
     required: f64,
 ) -> bool {
-    let grid = scene.map().grid();
+    let grid = scene.cover().grid();
     let at = (place - grid.origin) / grid.resolution;
     if !(at.x >= 0.0 && at.y >= 0.0) {
         return false;
@@ -200,7 +201,7 @@ pub(crate) fn is_known_below(scene: &Scene, part: &Part, placed: &Placed) -> boo
 /// The highest ground over a rectangle (m), if all of it is known.
 pub(crate) fn highest_known(scene: &Scene, min: Point2<f64>, max: Point2<f64>) -> Option<f64> {
     let known = !beside_map(scene, min, max) && !over_a_hole(scene, min, max);
-    known.then(|| scene.map().max_over(min, max))
+    known.then(|| scene.cover().max_over(min, max))
 }
 
 fn distance_of_triangle(
@@ -234,17 +235,29 @@ fn grown((lo, hi): &(Point3<f64>, Point3<f64>), by: f64) -> (Point2<f64>, Point2
     (Point2::new(lo.x - by, lo.y - by), Point2::new(hi.x + by, hi.y + by))
 }
 
+/// Does a map know all ground over a rectangle?
+pub(crate) fn is_all_known(map: &ElevationMap, min: Point2<f64>, max: Point2<f64>) -> bool {
+    is_within(map, min, max) && !has_a_hole(map, min, max)
+}
+
 fn beside_map(scene: &Scene, min: Point2<f64>, max: Point2<f64>) -> bool {
-    let grid = scene.map().grid();
+    !is_within(scene.cover(), min, max)
+}
+
+fn is_within(map: &ElevationMap, min: Point2<f64>, max: Point2<f64>) -> bool {
+    let grid = map.grid();
     let far = grid.far_corner();
-    let inside =
-        min.x >= grid.origin.x && min.y >= grid.origin.y && max.x <= far.x && max.y <= far.y;
-    !inside // also where a coordinate is no number
+    // Not so where a coordinate is no number.
+    min.x >= grid.origin.x && min.y >= grid.origin.y && max.x <= far.x && max.y <= far.y
 }
 
 /// Does the rectangle touch a square of the map with an unknown corner?
 fn over_a_hole(scene: &Scene, min: Point2<f64>, max: Point2<f64>) -> bool {
-    let Some(holes) = scene.map().holes() else { return false };
+    has_a_hole(scene.cover(), min, max)
+}
+
+fn has_a_hole(map: &ElevationMap, min: Point2<f64>, max: Point2<f64>) -> bool {
+    let Some(holes) = map.holes() else { return false };
     let mut found = false;
     holes.descend(
         min,
@@ -260,7 +273,7 @@ fn over_a_hole(scene: &Scene, min: Point2<f64>, max: Point2<f64>) -> bool {
 
 /// The two triangles of a square, where their corners are known.
 fn triangles(scene: &Scene, ix: usize, iy: usize) -> [Option<[Point3<f64>; 3]>; 2] {
-    let (grid, heights) = (scene.map().grid(), scene.map().heights());
+    let (grid, heights) = (scene.cover().grid(), scene.cover().heights());
     if ix + 1 >= grid.nx || iy + 1 >= grid.ny {
         return [None, None];
     }

@@ -11,6 +11,7 @@
 //! - [`survey`]: the whole robot in one posture.
 //! - [`QuickChecker`]: that leg in many configurations that are much alike.
 //! - [`Footings`]: the orientations in which a wheel may be put down, place by place.
+//! - [`over_unknown`]: what of a leg is over ground that nobody has seen.
 //! - [`touchdowns`]: ways to put a wheel down at a place of the map.
 //! - [`wheel_ground`]: how high a wheel is above the ground and where it would touch.
 
@@ -32,6 +33,7 @@ mod scene;
 mod solid;
 mod survey;
 mod touchdown;
+mod unknown;
 mod wheel;
 mod yaws;
 
@@ -48,4 +50,5 @@ pub use survey::{PairDistance, Survey, ground_normal, survey};
 pub use touchdown::{
     FootfallPlace, NoTouchdown, Touchdown, footfall_place, no_touchdown, touchdown_cost, touchdowns,
 };
+pub use unknown::{OverUnknown, over_unknown};
 pub use wheel::{WheelGap, WheelGround, contact_center, wheel_ground};

@@ -72,6 +72,7 @@ impl Solid {
 pub struct Scene {
     robot: Arc<Robot>,
     map: ElevationMap,
+    cover: ElevationMap,
     pub(crate) parts: Arc<Vec<Part>>,
     pub(crate) solids: Arc<Vec<Solid>>,
 }
@@ -89,7 +90,14 @@ impl Scene {
             .map(|(index, obstacle)| solid_of(index, obstacle))
             .collect::<Result<_, _>>()?;
         let parts = Arc::new(parts_of(&robot));
-        Ok(Scene { robot, map, parts, solids: Arc::new(solids) })
+        Ok(Scene { robot, cover: map.clone(), map, parts, solids: Arc::new(solids) })
+    }
+
+    /// The same with a surface to keep clear of in place of the map's, which stays what wheels stand on. It is to be
+    /// the map's where that is known ([`terrain::cover`]); what it does not know either stays unknown.
+    #[must_use]
+    pub fn with_cover(self, cover: ElevationMap) -> Scene {
+        Scene { cover, ..self }
     }
 
     /// The robot.
@@ -100,6 +108,11 @@ impl Scene {
     /// The ground.
     pub fn map(&self) -> &ElevationMap {
         &self.map
+    }
+
+    /// The surface to keep clear of: the ground, and how high it is taken to be where nobody has seen it.
+    pub fn cover(&self) -> &ElevationMap {
+        &self.cover
     }
 
     /// Number of obstacles.

@@ -262,6 +262,16 @@ pub struct Finding {
     pub detail: String,
 }
 
+impl Finding {
+    /// The check of ground that nobody has seen, below the leg.
+    pub const UNKNOWN_GROUND: &str = "unknown_ground";
+
+    /// Does it hold on an assumption, which its detail tells?
+    pub fn is_assumption(&self) -> bool {
+        self.ok && self.check == Finding::UNKNOWN_GROUND
+    }
+}
+
 /// Work done and lengths reached.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Statistics {

@@ -4,8 +4,8 @@
 //! stability from the full assessment instead of the search's short cut.
 
 use collision::{
-    Allowance, ContactZone, Keep, LegChecker, PairDistance, Reach, Scene, Survey, Touch, Violation,
-    survey, wheel_ground,
+    Allowance, ContactZone, Keep, LegChecker, OverUnknown, PairDistance, Reach, Scene, Survey,
+    Touch, Violation, over_unknown, survey, wheel_ground,
 };
 use nalgebra::Point3;
 use rover::{Configuration, LegAngles, LegId, LinkId, Posture};
@@ -127,6 +127,7 @@ pub fn check_step(context: &CheckContext, waypoints: &[Waypoint]) -> CheckReport
         touch_finding(context, "clearance_links", "links of the robot", &seen.links),
         touch_finding(context, "clearance_environment", "ground and obstacles", &seen.environment),
     ];
+    findings.extend(assumption(context, &seen.unknown));
     if shifts > 1 {
         findings.push(closure_finding(context, &seen.closure));
     }
@@ -144,6 +145,7 @@ struct Seen {
     limits: Least<(LegId, usize)>,
     links: Least<Violation>,
     environment: Least<Violation>,
+    unknown: Least<OverUnknown>,
     closure: Least<()>,
     regular: Least<String>,
     rule_spare: Least<rule::Verdict>,
@@ -157,6 +159,7 @@ impl Seen {
             limits: Least::new(),
             links: Least::new(),
             environment: Least::new(),
+            unknown: Least::new(),
             closure: Least::new(),
             regular: Least::new(),
             rule_spare: Least::new(),
@@ -287,6 +290,9 @@ impl Walk<'_> {
         }
         if let Some(v) = clearance.environment {
             self.seen.environment.take(spare(&v), time, v);
+        }
+        if let Some(over) = over_unknown(context.scene, &self.posture, context.leg) {
+            self.seen.unknown.take(over.above, time, over);
         }
         clearance.room
     }
@@ -424,17 +430,37 @@ fn touch_finding(
         };
     };
     let unknown = matches!(v.touch, Touch::UnknownGround(_));
+    let (x, y) = (v.place.x, v.place.y);
     Finding {
         check,
         ok: least.value >= -ROUNDING && !unknown,
         margin: Some(least.value),
         place: format!("{} at {:.1} s", touch_text(context.scene, v.touch), least.time),
         detail: if unknown {
-            "the leg moves over ground that nobody has seen".into()
+            format!("the leg moves over ground that nobody has seen, at ({x:.2}, {y:.2}) m")
         } else {
             format!("{:.3} m apart, {:.3} m are kept", v.distance, v.required)
         },
     }
+}
+
+/// That the leg passes over ground which nobody has seen, and what that is taken to be. Where there is no bound of it the
+/// clearance fails.
+fn assumption(context: &CheckContext, unknown: &Least<OverUnknown>) -> Option<Finding> {
+    let over = unknown.what?;
+    let link = &context.scene.robot().links()[over.link.0].name;
+    let Point3 { coords: place, .. } = over.place;
+    Some(Finding {
+        check: Finding::UNKNOWN_GROUND,
+        ok: over.above.is_finite(),
+        margin: Some(over.above),
+        place: format!("{link} at {:.1} s, over ({:.2}, {:.2}) m", unknown.time, place.x, place.y),
+        detail: format!(
+            "the leg passes over ground that nobody has seen: it is taken to be no higher than {:.2} m there, \
+             which follows from the ground about it",
+            place.z
+        ),
+    })
 }
 
 fn margin_finding(context: &CheckContext, regular: &Least<String>) -> Finding {

@@ -95,6 +95,13 @@ impl Teller<'_> {
     /// What stands in the way.
     pub fn blocked_text(&self, blocked: &Blocked) -> String {
         match blocked {
+            Blocked::Touch(v) if matches!(v.touch, Touch::UnknownGround(_)) => format!(
+                "{}, at ({:.2}, {:.2}) m: nobody has seen how high that is, and it is too far from ground that \
+                 was seen to be bounded",
+                touch_text(self.scene, v.touch),
+                v.place.x,
+                v.place.y
+            ),
             Blocked::Touch(v) => format!(
                 "{} are {:.3} m apart where {:.3} m are kept",
                 touch_text(self.scene, v.touch),

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use bridge::commands::AuthorityRules;
 use serde::Deserialize;
+use terrain::cover::CoverLimits;
 use terrain::traversability::Limits;
 use wire::live::{CommandBody, LinkConfig};
 use wire::scene::{Payload, PayloadShape};
@@ -53,6 +54,7 @@ pub struct Config {
     pub link: LinkConfig,
     pub commands: CommandsConfig,
     pub traversability: TraversabilityConfig,
+    pub unknown_ground: UnknownGroundConfig,
 }
 
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -127,6 +129,24 @@ pub struct TraversabilityConfig {
     pub caution_below: f64,
     pub certainty_caution_below: f64,
     pub doubt_sigmas: f64,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+#[allow(missing_docs)]
+pub struct UnknownGroundConfig {
+    pub edge_m: f64,
+    pub rise_m: f64,
+    pub slope_rad: f64,
+    pub reach_m: f64,
+}
+
+impl UnknownGroundConfig {
+    /// What unknown ground is taken to do at most.
+    pub fn limits(&self) -> CoverLimits {
+        let UnknownGroundConfig { edge_m, rise_m, slope_rad, reach_m } = *self;
+        CoverLimits { edge_m, rise_m, slope: slope_rad.tan(), reach_m }
+    }
 }
 
 #[derive(Debug, Clone, PartialEq, Deserialize)]

@@ -35,4 +35,5 @@ pub mod stream;
 mod terrain_files;
 pub mod terrain_store;
 pub mod terrains;
+mod unknown_ground;
 pub mod world;

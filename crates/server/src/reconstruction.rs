@@ -32,15 +32,18 @@ use nalgebra::{Point2, Point3};
 use rover::Robot;
 use stereo::StereoError;
 use stereo::rig::{CameraPair, Rig};
-use terrain::fusion::{Correction, Input, MapSettings, MapVersion, Mapper, PairDem, ReadPolicy};
+use terrain::fusion::{
+    AlignSettings, Correction, Input, MapSettings, MapVersion, Mapper, PairDem, RasterizeOptions,
+    ReadPolicy,
+};
 use terrain::{ElevationMap, Source, SourceKind};
 use tokio::sync::Semaphore;
 use wire::check::{self, At, RequestError};
-use wire::live::{FailedPair, RoverTelemetry};
+use wire::live::{EventLevel, FailedPair, RoverTelemetry};
 use wire::map_version::{MapRegion, VersionPair, VersionStep};
 use wire::reconstruction::{
     CAMERAS_MAX, MapStep, PairProgress, PairStage, REGION_RADIUS_M, ReconstructionAnswer,
-    ReconstructionRequest, SCALE, SeenStep,
+    ReconstructionRequest, SCALE, SeenStep, StoodWheel,
 };
 
 use crate::app::AppState;
@@ -111,8 +114,8 @@ struct Blended {
     keep_prior: bool,
     /// The version that it stands for, or goes on from.
     from: Option<String>,
-    /// Where wheels stood that it was told of (m).
-    stood: Vec<Point3<f64>>,
+    /// Wheels that it was told of, where they stood.
+    stood: Vec<StoodWheel>,
 }
 
 impl Reconstructions {
@@ -286,13 +289,17 @@ fn reconstruct(
 ) -> Result<String, ApiError> {
     let mut blended = work.blended.clone();
     let latest = app.live.latest()?;
+    let stood = contact::stood(&work.robot, &latest.frame);
     let step = SeenStep {
         id: job.id().to_owned(),
         prior: (work.keep_prior && !blended.has_prior).then(|| version_name(&work.ground)),
         keep_prior: work.keep_prior,
         resolution_m: work.resolution_m,
         region: work.region,
-        wheels_m: standing(&latest.frame).into_iter().map(Into::into).collect(),
+        relief_share: RasterizeOptions::default().relief_share,
+        pair_shift_sigma_m: AlignSettings::default().pair_shift_sigma_m,
+        wheels_m: stood.iter().map(|wheel| wheel.contact_m).collect(),
+        solids: stood.iter().filter_map(|wheel| wheel.solid.clone()).collect(),
         time: latest.onboard_time,
         pairs: sources.iter().map(PairSource::recorded).collect(),
     };
@@ -329,6 +336,7 @@ fn reconstruct(
     job.progress(0.95, "judges the ground");
     let changes = blended.mapper.version().changes_since(&before);
     let names: Vec<&str> = pairs.iter().map(|pair| pair.name.as_str()).collect();
+    let conflicts = contact::conflicts(blended.mapper.version(), &stood)?;
     let map = read(blended.mapper.version(), &work.ground, work.keep_prior, &names)?;
     let (since, what) = (app.store.current().info.version.clone(), names.join(", "));
     let told = versions::told(
@@ -368,6 +376,9 @@ fn reconstruct(
     let step = MapStep::Seen(step);
     let of = versions::InUse { n_grounds: work.n_grounds, version: None };
     versions::put(app, who, version, &of, &text, (Some(blended), step))?;
+    for text in conflicts {
+        app.live.notice(EventLevel::Caution, "server", &text);
+    }
     let mut kept = app.reconstructions.locked();
     kept.answers.push_back(answer);
     while kept.answers.len() > ANSWERS_MAX {

@@ -1,6 +1,7 @@
 //! Scenes: what a request says of robot, ground, obstacles and state, and the live rover's values
 //! for what it leaves out.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use collision::{Obstacle, SceneError};
@@ -18,6 +19,7 @@ use crate::config::Config;
 use crate::robots::Robots;
 use crate::terrain_store::Version;
 use crate::terrains::{FRICTION, Terrains};
+use crate::unknown_ground::{cover_of, covered};
 
 /// Range of gravity (m/s²).
 const GRAVITY_M_S2: [f64; 2] = [0.01, 100.0];
@@ -85,6 +87,12 @@ impl Context {
         let configuration = self.configuration(at, scene, &robot)?;
         let solid = collision::Scene::new(robot, map, &obstacles)
             .map_err(|error| obstacle_error(at, &error))?;
+        let limits = self.config.unknown_ground.limits();
+        let cover = match self.live.as_ref().filter(|_| scene.terrain.is_none()) {
+            Some(live) => live.version.cover(&limits).cloned(),
+            None => cover_of(solid.map(), &BTreeMap::new(), &limits),
+        };
+        let solid = covered(solid, cover, &configuration);
         Ok(Scene { solid, configuration, gravity, friction })
     }
 

@@ -2,12 +2,13 @@
 
 mod seen;
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use geometry::Raster;
 use nalgebra::Point2;
 use rover::Robot;
 use stereo::rig::Rig;
+use terrain::cover::CoverLimits;
 use terrain::formats::mesh::{self, HeightMesh};
 use terrain::traversability::{self, Layers, Limits};
 use terrain::{ElevationMap, SourceKind, TerrainError};
@@ -22,6 +23,7 @@ use crate::drape::{PlacedShot, Texture};
 use crate::error::ApiError;
 use crate::stop::Stop;
 use crate::terrains::{SERVED_NODES_MAX, terrain_error};
+use crate::unknown_ground::cover_of;
 
 /// The layers that tiles are made of: the heights, and those of traversability.
 pub const LAYERS: [&str; 7] =
@@ -46,6 +48,8 @@ pub struct Version {
     doubt_sigmas: f64,
     shots: Vec<PlacedShot>,
     texture: Mutex<Option<Arc<Texture>>>,
+    /// How high its unknown ground is taken to be, once that was asked.
+    cover: OnceLock<Option<ElevationMap>>,
 }
 
 /// The versions that are kept.
@@ -234,7 +238,18 @@ impl Version {
             doubt_sigmas,
             shots,
             texture,
+            cover: OnceLock::new(),
         }
+    }
+
+    /// The surface that motions keep clear of where the map has holes; none where it has none. The limits of the first
+    /// who asks count.
+    pub fn cover(&self, limits: &CoverLimits) -> Option<&ElevationMap> {
+        let made = self.cover.get_or_init(|| {
+            let hints = self.seen.as_ref().map(|seen| seen.hints(&self.map)).unwrap_or_default();
+            cover_of(&self.map, &hints, limits)
+        });
+        made.as_ref()
     }
 
     /// Traversability of the whole map for another foot or by other limits, with the same trust and doubt.
@@ -353,7 +368,7 @@ impl Version {
             traversability::explain_trusted_cell(&self.map, trust, p, foot, limits).unwrap_or(None);
         let height_m = self.map.height_at(p);
         let doubted = self.seen.as_ref().zip(cell.as_ref()).and_then(|(seen, cell)| {
-            let sigma_m = f64::from(seen.doubt_m(cell.position));
+            let sigma_m = f64::from(cell.worst(|p| seen.doubt_m(p)));
             cell.doubted(sigma_m, self.doubt_sigmas).unwrap_or(None)
         });
         let plain = cell.as_ref().map_or(traversability::UNKNOWN, |c| c.class);

@@ -11,6 +11,7 @@
 //!
 //! No I/O, no clock; the only random numbers are ChaCha streams of a given seed.
 
+pub mod cover;
 mod error;
 pub mod formats;
 pub mod fusion;

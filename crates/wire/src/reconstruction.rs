@@ -351,6 +351,37 @@ pub struct StoodWheel {
     pub leg: String,
     /// Where it touches the ground (m).
     pub contact_m: [f64; 3],
+    /// The room that it takes, in which there is no ground; logs from before that was told have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub solid: Option<WheelSolid>,
+}
+
+/// The room that a standing wheel takes: a cylinder, or a ball.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WheelSolid {
+    /// Its center (m).
+    pub center_m: [f64; 3],
+    /// Direction of its axle, of length 1.
+    pub axle: [f64; 3],
+    /// Its radius (m).
+    pub radius_m: f64,
+    /// Its width along the axle (m).
+    pub width_m: f64,
+    /// Is it a ball?
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub ball: bool,
+    /// Ground that was told higher than it can be by more than this is left (m).
+    pub correction_max_m: f64,
+}
+
+/// What was expected before it was logged.
+fn pair_shift_before() -> f64 {
+    0.01
+}
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 /// Pairs that were blended in.
@@ -369,8 +400,17 @@ pub struct SeenStep {
     /// Ground outside of this was left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub region: Option<MapRegion>,
+    /// Share of the relief about a cell that its height may be off by; none in logs from before that counted.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub relief_share: f64,
+    /// How far pairs of one stand are expected to be off each other (m).
+    #[serde(default = "pair_shift_before")]
+    pub pair_shift_sigma_m: f64,
     /// Where wheels stood (m).
     pub wheels_m: Vec<[f64; 3]>,
+    /// The room that they took, in which there is no ground; logs from before that was told have none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub solids: Vec<WheelSolid>,
     /// The time that they, and the map from before, count from.
     pub time: Timestamp,
     /// The pairs in the order that they were blended in.

@@ -23,6 +23,7 @@ mod steps;
 mod synthetic;
 mod timing;
 mod trials;
+mod unknown_ground;
 
 /// A robot of the fixtures.
 fn robot_of(name: &str) -> Robot {

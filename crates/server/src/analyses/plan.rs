@@ -288,6 +288,7 @@ pub(super) fn finding(finding: &Finding) -> PlanFinding {
     PlanFinding {
         check: finding.check.into(),
         ok: finding.ok,
+        assumed: finding.is_assumption(),
         margin: finding.margin.filter(|margin| margin.is_finite()),
         r#where: text(&finding.place),
         detail: text(&finding.detail),

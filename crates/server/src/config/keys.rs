@@ -32,7 +32,7 @@ const fn text(path: &'static str, kind: &'static str) -> Key {
 
 /// All keys, in the order of `config/demo.toml`.
 #[rustfmt::skip]
-pub const KEYS: [Key; 57] = [
+pub const KEYS: [Key; 61] = [
     text("server.bind", "loopback address"),
     number("server.port", "", 0.0, 65535.0),
     text("server.terrain_dir", "folder"),
@@ -90,6 +90,10 @@ pub const KEYS: [Key; 57] = [
     number("traversability.caution_below", "", 0.0, 1.0),
     number("traversability.certainty_caution_below", "", 0.0, 1.0),
     number("traversability.doubt_sigmas", "", 0.0, 10.0),
+    number("unknown_ground.edge_m", "m", 0.0, 10.0),
+    number("unknown_ground.rise_m", "m", 0.0, 10.0),
+    number("unknown_ground.slope_rad", "rad", 0.0, 1.4),
+    number("unknown_ground.reach_m", "m", 0.0, 10.0),
 ];
 
 impl Key {

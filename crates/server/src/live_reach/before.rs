@@ -6,6 +6,7 @@ use std::sync::Arc;
 use geometry::Raster;
 use nalgebra::Point2;
 use reachability::Area;
+use terrain::cover::CoverLimits;
 
 use super::Known;
 use crate::scene::Context;
@@ -39,7 +40,9 @@ impl Before {
     /// What has changed since the answers before, if they are for this stance.
     pub fn changed(&self, stance: &str, context: &Context) -> Changed {
         match (&self.version, &context.live) {
-            (Some(before), Some(live)) if self.stance == stance => between(before, &live.version),
+            (Some(before), Some(live)) if self.stance == stance => {
+                between(before, &live.version, &context.config.unknown_ground.limits())
+            }
             _ => Changed::All,
         }
     }
@@ -57,7 +60,7 @@ impl Before {
 }
 
 /// What differs between two versions: heights, and what is judged of them.
-fn between(before: &Version, after: &Version) -> Changed {
+fn between(before: &Version, after: &Version, limits: &CoverLimits) -> Changed {
     let same_rule = before.unsafe_below().to_bits() == after.unsafe_below().to_bits();
     if before.map.grid() != after.map.grid() || !same_rule {
         return Changed::All;
@@ -70,6 +73,14 @@ fn between(before: &Version, after: &Version) -> Changed {
             widen(&mut changed, &a.goodness, &b.goodness, f32::to_bits);
         }
         (Err(_), Err(_)) => {}
+        _ => return Changed::All,
+    }
+    // What is unknown has another bound too where ground about it changed.
+    match (before.cover(limits), after.cover(limits)) {
+        (Some(a), Some(b)) if a.grid() == b.grid() => {
+            widen(&mut changed, a.heights(), b.heights(), f32::to_bits);
+        }
+        (None, None) => {}
         _ => return Changed::All,
     }
     changed.map_or(Changed::Nothing, Changed::Within)

@@ -14,7 +14,7 @@ use terrain::ElevationMap;
 use terrain::fusion::{AlignSettings, MapVersion, PairDem};
 use wire::check::At;
 use wire::convert;
-use wire::reconstruction::{PairStage, ReconstructedPair, RecordedPair, SeenStep};
+use wire::reconstruction::{PairStage, ReconstructedPair, RecordedPair, SeenStep, StoodWheel};
 use wire::time::Timestamp;
 
 use super::pictures::PairPictures;
@@ -101,7 +101,11 @@ pub(super) fn blend(
         sources.iter().map(|source| (source.time(), source.capture.as_str())).collect();
     captures.sort_unstable();
     captures.dedup();
-    let settings = AlignSettings { cells_min: FIT_CELLS_MIN, ..AlignSettings::default() };
+    let settings = AlignSettings {
+        cells_min: FIT_CELLS_MIN,
+        pair_shift_sigma_m: step.pair_shift_sigma_m,
+        ..AlignSettings::default()
+    };
     for (time, capture) in captures {
         let stand: Vec<usize> =
             (0..sources.len()).filter(|&i| sources[i].capture == capture).collect();
@@ -131,8 +135,7 @@ pub(super) fn blend(
             let name = &sources[i].pair;
             let points = pair::measure(&images, &matched, site.robot, &turns)
                 .map_err(|error| stereo_error(stop, name, &error))?;
-            let (mut answer, dem) =
-                pair::map_of(&images, &matched, &points, step.resolution_m, step.region)?;
+            let (mut answer, dem) = pair::map_of(&images, &matched, &points, step)?;
             answer.capture = sources[i].capture.clone();
             pairs[i] = Some(answer);
             let view = view_of(site.rig, name);
@@ -162,7 +165,14 @@ pub(super) fn blend(
         let wheels: Vec<Point3<f64>> = step.wheels_m.iter().map(|p| Point3::from(*p)).collect();
         let radii = site.robot.leg_ids().map(|leg| site.robot.leg(leg).wheel.radius);
         blended.touch(&wheels, radii.fold(0.0, f64::max), ns(step.time))?;
-        blended.stood = wheels;
+        blended.clear(&step.solids, ns(step.time))?;
+        let mut solids = step.solids.iter().cloned();
+        let stood = step.wheels_m.iter().map(|contact_m| StoodWheel {
+            leg: String::new(),
+            contact_m: *contact_m,
+            solid: solids.next(),
+        });
+        blended.stood = stood.collect();
     }
     Ok(Blend { before, pairs, pictures, sag })
 }

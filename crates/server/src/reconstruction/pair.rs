@@ -14,8 +14,7 @@ use stereo::{GrayImage, StereoError};
 use terrain::TerrainError;
 use terrain::fusion::{self, Measurement, PairDem, RasterizeOptions, rasterize};
 use wire::check::{At, RequestError};
-use wire::map_version::MapRegion;
-use wire::reconstruction::ReconstructedPair;
+use wire::reconstruction::{ReconstructedPair, SeenStep};
 
 use super::pictures::{self, PairPictures};
 use crate::stop::Stop;
@@ -110,8 +109,7 @@ pub fn map_of(
     images: &PairImages,
     matched: &Matched,
     seen: &Seen,
-    resolution_m: f64,
-    region: Option<MapRegion>,
+    step: &SeenStep,
 ) -> Result<(ReconstructedPair, Option<PairDem>), RequestError> {
     let (Seen { surface, counts }, Matched { health, geometry, .. }) = (seen, matched);
     // Height above a slope is less sure than height above level ground.
@@ -130,14 +128,15 @@ pub fn map_of(
         },
     };
     let inside = |m: &Measurement| {
-        region.is_none_or(|region| {
+        step.region.is_none_or(|region| {
             let off = m.position_m.xy() - nalgebra::Point2::from(region.center_m);
             off.norm() <= region.radius_m
         })
     };
     let points: Vec<Measurement> = surface.points.iter().map(measurement).filter(inside).collect();
     let options = RasterizeOptions {
-        resolution_m,
+        resolution_m: step.resolution_m,
+        relief_share: step.relief_share,
         variance_max_m2: HEIGHT_SIGMA_MAX_M * HEIGHT_SIGMA_MAX_M,
         ..RasterizeOptions::default()
     };

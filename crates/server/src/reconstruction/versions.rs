@@ -6,11 +6,11 @@ use terrain::fusion::{Changes, Correction, Input, MapVersion};
 use wire::check::{At, RequestError};
 use wire::live::{EventLevel, TerrainNotice, channel};
 use wire::map_version::{VersionChanges, VersionPair, VersionStep};
-use wire::reconstruction::{MapRecord, MapStep, ReconstructedPair};
+use wire::reconstruction::{MapRecord, MapStep, ReconstructedPair, WheelSolid};
 use wire::resources::TerrainVersion;
 use wire::time::Timestamp;
 
-use super::{Blended, Kept, read};
+use super::{Blended, Kept, contact, read};
 use crate::app::AppState;
 use crate::error::ApiError;
 use crate::terrain_store::{SeenBy, Version, version_name};
@@ -151,6 +151,27 @@ impl Blended {
             };
             let refuse = |error| terrain_error(&At::root("contact_points_m"), &error);
             self.mapper.push(contact).map_err(refuse)?;
+            self.next_source += 1;
+        }
+        Ok(())
+    }
+
+    /// Tells that there is no ground where wheels are.
+    pub(super) fn clear(
+        &mut self,
+        solids: &[WheelSolid],
+        time_ns: i64,
+    ) -> Result<(), RequestError> {
+        for solid in solids {
+            let stood = Input::Stood {
+                source: self.next_source,
+                wheel: contact::standing_wheel(solid)?,
+                most_m: solid.correction_max_m,
+                variance_m2: CONTACT_SIGMA_M * CONTACT_SIGMA_M,
+                time_ns,
+            };
+            let refuse = |error| terrain_error(&At::root("solid"), &error);
+            self.mapper.push(stood).map_err(refuse)?;
             self.next_source += 1;
         }
         Ok(())

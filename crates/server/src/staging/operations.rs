@@ -10,6 +10,7 @@ use wire::live::{CommandBody, OperatingMode, RoverTelemetry, SequenceStep};
 use super::preconditions;
 use crate::app::AppState;
 use crate::error::ApiError;
+use crate::unknown_ground::covered;
 
 /// Most joints, wheels or legs that one command may name.
 const NAMES_MAX: usize = 100;
@@ -82,6 +83,8 @@ fn rover_as(
     let version = app.store.current();
     let scene = collision::Scene::new(robot.clone(), version.map.clone(), &[])
         .map_err(|error| ApiError::new("internal", error.to_string()))?;
+    let cover = version.cover(&app.config.unknown_ground.limits()).cloned();
+    let scene = covered(scene, cover, now);
     let rover = SimRover::new(scene, now.clone(), app.live.gravity()).map_err(|error| {
         let message = format!(
             "the command cannot be checked: on the map in use, as last reported, {error}; \

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use geometry::Raster;
 use nalgebra::Point2;
 use terrain::ElevationMap;
-use terrain::fusion::{Cell, Flags, MapVersion};
+use terrain::fusion::{Cell, Flags, MapSettings, MapVersion};
 use wire::map_version::{VersionChanges, VersionPair};
 use wire::resources::CellSeen;
 use wire::time::Timestamp;
@@ -31,6 +31,9 @@ mod mask {
 
 /// A cell with so many points is trusted in full, as in [`MapVersion::elevation`].
 const LOOKS: f32 = 4.0;
+
+/// Ground that is not plainly known is bounded with so many standard deviations.
+const HINT_SIGMAS: f64 = 3.0;
 
 /// What the first values of `source` stand for; the pairs follow.
 const SOURCE_PRIOR: &str = "map from before";
@@ -108,14 +111,37 @@ impl Seen {
         })
     }
 
-    /// Standard deviation of the height that its class is to allow for (m): none of a map that was imported, which
+    /// Standard deviation of the height, against that of ground beside it, that its class is to allow for (m): none of a map that was imported, which
     /// counts as it looks before and after cameras saw some of it; NaN where nothing is known.
     pub(super) fn doubt_m(&self, p: Point2<f64>) -> f32 {
         match self.map.cell_at(p) {
             Some(cell) if cell.flags.any(Flags::PRIOR) => 0.0,
-            Some(cell) if cell.is_ground() => cell.variance_m2.sqrt(),
+            Some(cell) if cell.is_ground() => cell.noise_m2().sqrt() as f32,
             _ => f32::NAN,
         }
+    }
+
+    /// How high unknown nodes of a map are where something was seen there all the same: the ground that the robot
+    /// hides, as last seen, or the higher of two heights that contradict each other, with [`HINT_SIGMAS`].
+    pub(super) fn hints(&self, map: &ElevationMap) -> BTreeMap<(usize, usize), f32> {
+        let grid = *map.grid();
+        let now = self.newest_ns.unwrap_or(i64::MIN);
+        let growth = MapSettings::default().growth_m2_s;
+        let nodes = (0..grid.ny).flat_map(|iy| (0..grid.nx).map(move |ix| (ix, iy)));
+        let unknown = nodes.filter(|(ix, iy)| map.heights().at(*ix, *iy).is_nan());
+        let hint = |(ix, iy): (usize, usize)| {
+            let cell = self.map.cell_at(grid.position(ix, iy)).filter(Cell::is_ground)?;
+            if cell.flags.any(Flags::PRIOR) {
+                return None;
+            }
+            let sigma = MapVersion::variance_at(&cell, now, growth).sqrt();
+            let one = f64::from(cell.height_m) + HINT_SIGMAS * sigma;
+            let other = cell.rival.map_or(one, |rival| {
+                f64::from(rival.height_m) + HINT_SIGMAS * f64::from(rival.variance_m2).sqrt()
+            });
+            Some(((ix, iy), one.max(other) as f32))
+        };
+        unknown.filter_map(hint).collect()
     }
 
     /// The value of a layer of classes at a place.

@@ -105,7 +105,20 @@ impl Campaign {
 /// What one pair saw from one station.
 pub struct Taken {
     pub station: usize,
-    pub dem: PairDem,
+    /// Which pair.
+    pub view: u32,
+    pub points: Vec<Measurement>,
+}
+
+impl Taken {
+    /// The map of the pair.
+    pub fn dem(&self) -> PairDem {
+        let options = RasterizeOptions {
+            variance_max_m2: HEIGHT_SIGMA_MAX_M * HEIGHT_SIGMA_MAX_M,
+            ..RasterizeOptions::default()
+        };
+        rasterize(&self.points, &options).unwrap().dem.seen_from(self.view)
+    }
 }
 
 /// All that was taken, and the truth.
@@ -251,13 +264,7 @@ pub fn gather(campaign: &Campaign) -> Gathered {
                     },
                 })
                 .collect();
-            let options = RasterizeOptions {
-                variance_max_m2: HEIGHT_SIGMA_MAX_M * HEIGHT_SIGMA_MAX_M,
-                ..RasterizeOptions::default()
-            };
-            let dem = rasterize(&points, &options).unwrap().dem;
-            let dem = dem.seen_from(i as u32);
-            taken.push(Taken { station, dem });
+            taken.push(Taken { station, view: i as u32, points });
             let ideal = CameraPair::with_cameras(
                 pair.clone(),
                 actual_pairs[i][0].clone(),
@@ -289,7 +296,7 @@ pub fn map_of(gathered: &Gathered) -> Mapper {
     let stations = 1 + gathered.taken.iter().map(|taken| taken.station).max().unwrap();
     for station in 0..stations {
         let of = gathered.taken.iter().enumerate().filter(|(_, taken)| taken.station == station);
-        let pairs = of.map(|(i, taken)| (i as u32, Arc::new(taken.dem.clone()))).collect();
+        let pairs = of.map(|(i, taken)| (i as u32, Arc::new(taken.dem()))).collect();
         // Few cells say little, and are given little weight.
         let settings = AlignSettings { cells_min: 30, ..AlignSettings::default() };
         for found in mapper.add_pairs(pairs, station as i64, &settings).unwrap() {
@@ -334,7 +341,7 @@ pub fn score(gathered: &Gathered, map: &MapVersion, k: f64) -> Score {
     let layers =
         trusted_traversability(&observed.map, &observed.trust, FOOTPRINT_M, &Limits::default())
             .unwrap();
-    let class = layers.cautious_class(&observed.sigma_m, k).unwrap();
+    let class = layers.cautious_class(&observed.noise_m, k).unwrap();
     let mut s = Score::default();
     let (mut near, mut all) = (0.0, 0.0);
     for iy in 0..gathered.grid.ny {

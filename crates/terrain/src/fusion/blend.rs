@@ -20,6 +20,8 @@ struct Estimate {
     variance: f64,
     /// Part of it that is one error for all that a view tells, now and again.
     common: f64,
+    /// Part of that which is noise that a view repeats.
+    repeated: f64,
     views: u32,
     count: u16,
     time_ns: i64,
@@ -50,19 +52,22 @@ impl Estimate {
         let newer = if other.time_ns >= self.time_ns { other } else { self };
         let (a_own, b_own) = (a - self.common, b - other.common);
         let (a_std, b_std) = (self.common.sqrt(), other.common.sqrt());
-        let (weight, common) = if self.views & other.views == 0 {
+        let (weight, common, repeated) = if self.views & other.views == 0 {
             let w = a / (a + b);
-            (w, (1.0 - w).powi(2) * self.common + w * w * other.common)
+            let of = |a: f64, b: f64| (1.0 - w).powi(2) * a + w * w * b;
+            (w, of(self.common, other.common), of(self.repeated, other.repeated))
         } else {
             let d = b_std - a_std;
             let w = ((a_own - a_std * d) / (a_own + b_own + d * d)).clamp(0.0, 1.0);
-            (w, ((1.0 - w) * a_std + w * b_std).powi(2))
+            let of = |a: f64, b: f64| ((1.0 - w) * a + w * b).powi(2);
+            (w, of(a_std, b_std), of(self.repeated.sqrt(), other.repeated.sqrt()))
         };
         let own = (1.0 - weight).powi(2) * a_own + weight * weight * b_own;
         Estimate {
             height: self.height + weight * (other.height - self.height),
             variance: (own + common).max(settings.variance_min_m2),
             common,
+            repeated,
             views: self.views | other.views,
             count: self.count.saturating_add(other.count),
             time_ns: newer.time_ns,
@@ -75,6 +80,7 @@ impl Estimate {
             height: rival.height_m.into(),
             variance: rival.variance_m2.into(),
             common: f64::from(rival.common_m2).min(rival.variance_m2.into()),
+            repeated: rival.repeated_m2.into(),
             views: rival.views,
             count: rival.count,
             time_ns: rival.time_ns,
@@ -87,6 +93,7 @@ impl Estimate {
             height: cell.height_m.into(),
             variance: cell.variance_m2.into(),
             common: f64::from(cell.common_m2).min(cell.variance_m2.into()),
+            repeated: cell.repeated_m2.into(),
             views: cell.views,
             count: cell.count,
             time_ns: cell.time_ns,
@@ -99,6 +106,7 @@ impl Estimate {
             height_m: self.height as f32,
             variance_m2: self.variance as f32,
             common_m2: self.common as f32,
+            repeated_m2: self.repeated as f32,
             views: self.views,
             count: self.count,
             time_ns: self.time_ns,
@@ -110,6 +118,7 @@ impl Estimate {
         cell.height_m = self.height as f32;
         cell.variance_m2 = self.variance as f32;
         cell.common_m2 = self.common as f32;
+        cell.repeated_m2 = self.repeated as f32;
         cell.views = self.views;
         cell.count = self.count;
         cell.time_ns = self.time_ns;
@@ -148,6 +157,7 @@ pub(super) fn observe(cell: &mut Cell, seen: &PairCell, stamp: Stamp, settings: 
         height: seen.height_m.into(),
         variance,
         common: common + repeated,
+        repeated,
         views: stamp.view,
         count: seen.count.max(1),
         time_ns: stamp.time_ns,
@@ -209,6 +219,7 @@ pub(super) fn touch(cell: &mut Cell, height: f64, variance: f64, stamp: Stamp) {
         height_m: height as f32,
         variance_m2: variance as f32,
         common_m2: 0.0,
+        repeated_m2: 0.0,
         views: 0,
         count: cell.count.saturating_add(1),
         time_ns: stamp.time_ns,
@@ -218,6 +229,40 @@ pub(super) fn touch(cell: &mut Cell, height: f64, variance: f64, stamp: Stamp) {
         lower_m: f32::NAN,
         rival: None,
     };
+}
+
+/// The cell after a wheel stood over it, below which no ground is higher than a ceiling (m); ground that is told higher
+/// by more than `most` (m) is left. Tells whether anything changed.
+pub(super) fn lower(
+    cell: &mut Cell,
+    [ceiling, most]: [f64; 2],
+    variance: f64,
+    stamp: Stamp,
+) -> bool {
+    let is_older = stamp.time_ns < cell.time_ns && !cell.flags.any(Flags::PRIOR);
+    if !cell.is_ground() || is_older {
+        return false;
+    }
+    let is_in = |height: f32| f64::from(height) > ceiling;
+    match cell.rival {
+        Some(rival) if is_in(cell.height_m) != is_in(rival.height_m) => {
+            if is_in(cell.height_m) {
+                Estimate::of_rival(&rival).into_cell(cell);
+                cell.flags = cell.flags.without(Flags::CONTACT | Flags::MULTI);
+                cell.lower_m = f32::NAN;
+            }
+            cell.rival = None;
+            cell.flags = cell.flags.without(Flags::CONFLICT);
+            true
+        }
+        // Which of the two is right is not told by a wheel above or in both.
+        Some(_) => false,
+        None if is_in(cell.height_m) && f64::from(cell.height_m) - ceiling <= most => {
+            touch(cell, ceiling, variance, stamp);
+            true
+        }
+        None => false,
+    }
 }
 
 /// The cell after something happened near it: less sure by a variance (m²).

@@ -9,8 +9,8 @@ use super::blend::{self, Stamp};
 use super::tile::TILE;
 use super::version::{INDEX_MAX, TileIndex, locate};
 use super::{
-    AlignSettings, Alignment, Cell, Correction, Flags, MapSettings, MapVersion, PairDem, align,
-    align_together,
+    AlignSettings, Alignment, Cell, Correction, Flags, MapSettings, MapVersion, PairDem,
+    StandingWheel, align, align_together,
 };
 use crate::TerrainError;
 
@@ -55,6 +55,20 @@ pub enum Input {
         /// Time on the on-board clock (ns).
         time_ns: i64,
     },
+    /// A wheel that stands: there is no ground where it is. Of heights that contradict each other in a cell, those in
+    /// the wheel are out; ground that was told too high is lowered to below the wheel.
+    Stood {
+        /// Number of the source.
+        source: u32,
+        /// The wheel.
+        wheel: StandingWheel,
+        /// Ground that is higher than it can be by more than this (m) is left as it is.
+        most_m: f64,
+        /// Variance of what is lowered (m²).
+        variance_m2: f64,
+        /// Time on the on-board clock (ns).
+        time_ns: i64,
+    },
     /// The robot moved near: the ground there may have changed.
     Disturbance {
         /// Center (m).
@@ -72,7 +86,8 @@ impl Input {
         match self {
             Input::Prior { source, .. }
             | Input::Pair { source, .. }
-            | Input::Contact { source, .. } => Some(*source),
+            | Input::Contact { source, .. }
+            | Input::Stood { source, .. } => Some(*source),
             Input::Disturbance { .. } => None,
         }
     }
@@ -264,6 +279,12 @@ impl Mapper {
                 check("variance_m2", *variance_m2, [1e-12, 1e4], "a variance up to 1e4 m²")
                     .map(drop)
             }
+            Input::Stood { wheel, most_m, variance_m2, .. } => {
+                wheel.check(self.settings.resolution_m)?;
+                check("most_m", *most_m, [0.0, 1e4], "a height from 0 to 1e4 m")?;
+                check("variance_m2", *variance_m2, [1e-12, 1e4], "a variance up to 1e4 m²")
+                    .map(drop)
+            }
             Input::Disturbance { position_m: p, radius_m, variance_m2 } => {
                 place(p.x, p.y, *radius_m)?;
                 check("variance_m2", *variance_m2, [0.0, 1e4], "a variance up to 1e4 m²").map(drop)
@@ -298,6 +319,7 @@ impl Mapper {
             Input::Prior { dem, .. } => dem.ends(),
             Input::Pair { dem, alignment, .. } => dem.moved_ends(&alignment.correction),
             Input::Contact { position_m, radius_m, .. } => self.disc(position_m.xy(), *radius_m),
+            Input::Stood { wheel, .. } => wheel.ends(self.settings.resolution_m),
             Input::Disturbance { position_m, radius_m, .. } => self.disc(*position_m, *radius_m),
         };
         let (low, high) = (locate(low).0, locate(high).0);
@@ -342,6 +364,20 @@ impl Mapper {
                     blend::touch(cell, height, *variance_m2, stamp);
                     true
                 })
+            }
+            Input::Stood { source, wheel, most_m, variance_m2, time_ns } => {
+                let stamp = Stamp { time_ns: *time_ns, source: *source, is_prior: false, view: 0 };
+                for (index, ceiling) in wheel.ceilings(settings.resolution_m) {
+                    let (tile, [x, y]) = locate(index);
+                    if only.is_some_and(|only| !only.contains(&tile)) {
+                        continue;
+                    }
+                    let mut cell = map.cell(index);
+                    if blend::lower(&mut cell, [ceiling, *most_m], *variance_m2, stamp) {
+                        map.tile_mut(tile, settings.tiles_max)?.set(x, y, &cell);
+                    }
+                }
+                Ok(())
             }
             Input::Disturbance { position_m, radius_m, variance_m2 } => {
                 self.within(map, *position_m, *radius_m, only, &mut |cell, _| {

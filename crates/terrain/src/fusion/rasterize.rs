@@ -1,6 +1,6 @@
 //! From the points of one pair to its elevation map.
 
-use nalgebra::Point3;
+use nalgebra::{Matrix3, Point3, Vector2, Vector3};
 
 use super::version::INDEX_MAX;
 use super::{Flags, PairCell, PairDem};
@@ -53,6 +53,9 @@ pub struct RasterizeOptions {
     /// Two groups of heights in a cell farther apart than this many standard deviations, and than
     /// half the resolution, are two surfaces.
     pub split_sigmas: f64,
+    /// Share of the relief about a cell that its height may be off by: matching takes windows of pixels for level, and a
+    /// mean over a cell is not the height of its node. 0 counts the noise of the match alone.
+    pub relief_share: f64,
 }
 
 impl Default for RasterizeOptions {
@@ -62,6 +65,7 @@ impl Default for RasterizeOptions {
             variance_max_m2: 0.25,
             correlated_points: 9.0,
             split_sigmas: 4.0,
+            relief_share: 1.35,
         }
     }
 }
@@ -145,14 +149,66 @@ pub fn rasterize(
         next[cell] += 1;
     });
     let mut heights = Vec::new();
-    let cells = (0..nx * ny)
+    let mut cells: Vec<PairCell> = (0..nx * ny)
         .map(|i| {
             let own = &order[starts[i] as usize..starts[i + 1] as usize];
             cell(own.iter().map(|point| &points[*point as usize]), options, &mut heights)
         })
         .collect();
+    if options.relief_share > 0.0 {
+        add_relief(&mut cells, nx, options.relief_share);
+    }
     let dem = PairDem::new(c, [ends[0], ends[1]], nx, cells).ok_or(TerrainError::NoKnownHeight)?;
     Ok(Rasterized { dem, n_dropped })
+}
+
+/// Makes each cell less sure by a share of the relief about it: how far its neighbors and it are from one plane (RMS),
+/// beyond what their noise explains.
+fn add_relief(cells: &mut [PairCell], nx: usize, share: f64) {
+    let ny = cells.len() / nx;
+    let around = |i: usize, n: usize| i.saturating_sub(1)..(i + 2).min(n);
+    let more: Vec<f32> = (0..cells.len())
+        .map(|i| {
+            let (ix, iy) = (i % nx, i / nx);
+            if !cells[i].is_ground() {
+                return 0.0;
+            }
+            let near = around(iy, ny).flat_map(|y| around(ix, nx).map(move |x| (x, y)));
+            let near = near.filter(|(x, y)| cells[y * nx + x].is_ground()).map(|(x, y)| {
+                let cell = &cells[y * nx + x];
+                let noise = f64::from(cell.variance_m2) - f64::from(cell.common_m2);
+                ([x as f64 - ix as f64, y as f64 - iy as f64, f64::from(cell.height_m)], noise)
+            });
+            (share * share * relief_m2(near)) as f32
+        })
+        .collect();
+    for (cell, more) in cells.iter_mut().zip(more) {
+        cell.variance_m2 += more;
+    }
+}
+
+/// Mean square distance of heights from their plane (m²), less their mean variance; with too few for a plane, from
+/// their mean.
+fn relief_m2(near: impl Iterator<Item = ([f64; 3], f64)>) -> f64 {
+    let (mut n, mut mean, mut noise) = (0.0_f64, Vector3::zeros(), 0.0);
+    let mut kept = [Vector3::zeros(); 9];
+    for (i, ([x, y, z], variance)) in near.enumerate() {
+        kept[i] = Vector3::new(x, y, z);
+        (n, mean, noise) = (n + 1.0, mean + kept[i], noise + variance);
+    }
+    if n < 2.0 {
+        return 0.0;
+    }
+    mean /= n;
+    let spread: Matrix3<f64> =
+        kept[..n as usize].iter().map(|p| (p - mean) * (p - mean).transpose()).sum();
+    let level = spread.fixed_view::<2, 2>(0, 0).into_owned();
+    let rise = Vector2::new(spread[(0, 2)], spread[(1, 2)]);
+    let (square, freedom) = match level.try_inverse().filter(|_| n >= 4.0) {
+        Some(inverse) => (spread[(2, 2)] - rise.dot(&(inverse * rise)), n - 3.0),
+        None => (spread[(2, 2)], n - 1.0),
+    };
+    (square / freedom - noise / n).max(0.0)
 }
 
 fn check(points: &[Measurement], options: &RasterizeOptions) -> Result<(), TerrainError> {
@@ -161,6 +217,7 @@ fn check(points: &[Measurement], options: &RasterizeOptions) -> Result<(), Terra
     check("resolution_m", c, [1e-3, 1e3], "a length from 0.001 to 1000 m")?;
     check("variance_max_m2", options.variance_max_m2, [1e-12, 1e4], "a variance up to 1e4 m²")?;
     check("correlated_points", options.correlated_points, [1.0, 1e6], "a number of 1 or more")?;
+    check("relief_share", options.relief_share, [0.0, 10.0], "a share from 0 to 10")?;
     check("split_sigmas", options.split_sigmas, [1.0, 1e3], "a number from 1 to 1000")?;
     check("number of points", points.len() as f64, [1.0, POINTS_MAX as f64], "1 to 5e7 points")?;
     let limit = 0.5 * c * f64::from(INDEX_MAX);

@@ -64,6 +64,8 @@ pub struct Rival {
     pub variance_m2: f32,
     /// As [`Cell::common_m2`].
     pub common_m2: f32,
+    /// As [`Cell::repeated_m2`].
+    pub repeated_m2: f32,
     /// As [`Cell::views`].
     pub views: u32,
     /// Observations that say so.
@@ -83,6 +85,8 @@ pub struct Cell {
     pub variance_m2: f32,
     /// Part of it that the views share with themselves: looking again from there does not lessen it (m²).
     pub common_m2: f32,
+    /// Part of that which is noise that the same view repeats, and no error that its cells have in common (m²).
+    pub repeated_m2: f32,
     /// Views that went into the height, a bit each ([`PairDem::seen_from`](super::PairDem::seen_from)).
     pub views: u32,
     /// Observations that went into the height.
@@ -107,6 +111,7 @@ impl Cell {
         height_m: f32::NAN,
         variance_m2: f32::NAN,
         common_m2: 0.0,
+        repeated_m2: 0.0,
         views: 0,
         count: 0,
         time_ns: i64::MIN,
@@ -116,6 +121,13 @@ impl Cell {
         lower_m: f32::NAN,
         rival: None,
     };
+
+    /// Variance of its height against that of ground beside it (m²): without what all cells of a view are off by
+    /// together, which makes no steps.
+    pub fn noise_m2(&self) -> f64 {
+        let own = f64::from(self.variance_m2) - f64::from(self.common_m2);
+        (own + f64::from(self.repeated_m2)).max(0.0)
+    }
 
     /// True if ground was seen, now or before.
     pub fn is_ground(&self) -> bool {
@@ -136,6 +148,7 @@ pub struct Tile {
     height: Vec<f32>,
     variance: Vec<f32>,
     common: Vec<f32>,
+    repeated: Vec<f32>,
     views: Vec<u32>,
     count: Vec<u16>,
     time: Vec<i64>,
@@ -153,6 +166,7 @@ impl Default for Tile {
             height: vec![unknown.height_m; CELLS],
             variance: vec![unknown.variance_m2; CELLS],
             common: vec![0.0; CELLS],
+            repeated: vec![0.0; CELLS],
             views: vec![0; CELLS],
             count: vec![0; CELLS],
             time: vec![unknown.time_ns; CELLS],
@@ -174,6 +188,7 @@ impl Tile {
             height_m: self.height[i],
             variance_m2: self.variance[i],
             common_m2: self.common[i],
+            repeated_m2: self.repeated[i],
             views: self.views[i],
             count: self.count[i],
             time_ns: self.time[i],
@@ -196,6 +211,7 @@ impl Tile {
         self.height[i] = cell.height_m;
         self.variance[i] = cell.variance_m2;
         self.common[i] = cell.common_m2;
+        self.repeated[i] = cell.repeated_m2;
         self.views[i] = cell.views;
         self.count[i] = cell.count;
         self.time[i] = cell.time_ns;
@@ -216,7 +232,9 @@ impl Tile {
         self.hash.get_or_init(|| *blake3::hash(&self.to_bytes()).as_bytes())
     }
 
-    /// All that the tile holds, little-endian, layer by layer; every unknown is the same NaN.
+    /// All that the tile holds, little-endian, layer by layer; every unknown is the same NaN. Left out is which part of
+    /// an error in common is noise that repeats: that follows from the same inputs as the rest, and maps of logs from
+    /// before it was kept have the same names.
     pub fn to_bytes(&self) -> Vec<u8> {
         let float = |z: &f32| if z.is_nan() { f32::NAN } else { *z + 0.0 }.to_bits().to_le_bytes();
         let mut bytes = Vec::with_capacity(CELLS * 39 + 48 * self.extras.len());

@@ -57,6 +57,8 @@ pub struct Observed {
     pub trust: Raster<f32>,
     /// Standard deviation of each known height at its capture (m); NaN elsewhere.
     pub sigma_m: Raster<f32>,
+    /// The same against ground beside it ([`Cell::noise_m2`]): what steps and slopes are off by.
+    pub noise_m: Raster<f32>,
 }
 
 impl Changes {
@@ -172,6 +174,7 @@ impl MapVersion {
         let mut heights = Raster::new(grid, unknown).ok_or(TerrainError::NoKnownHeight)?;
         let mut trust = Raster::from_fn(grid, |_, _| 0.0_f32);
         let mut sigma_m = Raster::from_fn(grid, |_, _| f32::NAN);
+        let mut noise_m = sigma_m.clone();
         for (index, tile) in &self.tiles {
             let first = [(index[0] - x0) as usize * TILE, (index[1] - y0) as usize * TILE];
             for y in 0..TILE {
@@ -187,11 +190,12 @@ impl MapVersion {
                     let i = grid.index(first[0] + x, first[1] + y);
                     heights.values_mut()[i] = height;
                     sigma_m.values_mut()[i] = f64::from(cell.variance_m2).sqrt() as f32;
+                    noise_m.values_mut()[i] = cell.noise_m2().sqrt() as f32;
                     trust.values_mut()[i] = (often * (-age_s / tau_s).exp()) as f32;
                 }
             }
         }
-        Ok(Observed { map: ElevationMap::new(heights, source), trust, sigma_m })
+        Ok(Observed { map: ElevationMap::new(heights, source), trust, sigma_m, noise_m })
     }
 
     /// What differs from an older version. Tiles that both share are not looked into.
@@ -251,6 +255,7 @@ fn is_same(a: &Cell, b: &Cell) -> bool {
     float(a.height_m, b.height_m)
         && float(a.variance_m2, b.variance_m2)
         && float(a.common_m2, b.common_m2)
+        && float(a.repeated_m2, b.repeated_m2)
         && a.views == b.views
         && float(a.lower_m, b.lower_m)
         && (a.count, a.time_ns, a.source, a.flags) == (b.count, b.time_ns, b.source, b.flags)

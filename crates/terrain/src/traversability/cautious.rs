@@ -1,6 +1,7 @@
 //! Classes by what the ground may be, not only by what it looks like.
 
 use geometry::Raster;
+use nalgebra::{Point2, Vector2};
 
 use super::{CAUTION, CellExplanation, Layers, Limits, SAFE, UNKNOWN};
 use crate::TerrainError;
@@ -60,7 +61,8 @@ impl Layers {
     /// flattens edges as far as its noise reaches: a step of 0.12 m is seen 0.07 m high from 6 m away.
     ///
     /// `sigma_m` is on the grid of the layers (m), as [`Observed::sigma_m`](crate::fusion::Observed::sigma_m);
-    /// where it is NaN, nothing is safe. A step adds the difference of two heights, a slope that over the foot.
+    /// where it is NaN, nothing is safe. The largest under the foot counts: a step is as unsure as the heights that make
+    /// it. A step adds the difference of two heights, a slope that over the foot.
     /// No class is ever better than in `self.class`.
     pub fn cautious_class(
         &self,
@@ -74,6 +76,7 @@ impl Layers {
             let (found, expected) = ([found.nx, found.ny], [expected.nx, expected.ny]);
             return Err(TerrainError::OtherGrid { what: "sigma_m", found, expected });
         }
+        let worst = worst_about(sigma_m, self.window / 2);
         let class = |ix: usize, iy: usize| {
             let of = |layer: &Raster<f32>| f64::from(*layer.at(ix, iy));
             let seen = AsSeen {
@@ -83,7 +86,7 @@ impl Layers {
                 step_m: of(&self.step_m),
                 certainty: *self.certainty.at(ix, iy),
             };
-            seen.doubted(of(sigma_m), k, self.footprint_m, &self.limits).0
+            seen.doubted(of(&worst), k, self.footprint_m, &self.limits).0
         };
         Ok(Raster::from_fn(grid, class))
     }
@@ -96,7 +99,33 @@ impl Layers {
     }
 }
 
+/// The largest known value within so many nodes along each axis; unknown where the node itself is.
+fn worst_about(values: &Raster<f32>, half: usize) -> Raster<f32> {
+    let grid = *values.grid();
+    let around = |i: usize, n: usize| i.saturating_sub(half)..(i + half + 1).min(n);
+    let largest = |all: &mut dyn Iterator<Item = f32>| all.fold(f32::NAN, f32::max);
+    let rows = Raster::from_fn(grid, |ix, iy| {
+        largest(&mut around(ix, grid.nx).map(|x| *values.at(x, iy)))
+    });
+    Raster::from_fn(grid, |ix, iy| match values.at(ix, iy) {
+        own if own.is_nan() => f32::NAN,
+        _ => largest(&mut around(iy, grid.ny).map(|y| *rows.at(ix, y))),
+    })
+}
+
 impl CellExplanation {
+    /// The largest of what is known at the nodes of its window; NaN where its own is not known. This is what counts as
+    /// doubt in a cell: a step is as unsure as the heights that make it, wherever under the foot they are.
+    pub fn worst(&self, known: impl Fn(Point2<f64>) -> f32) -> f32 {
+        if known(self.position).is_nan() {
+            return f32::NAN;
+        }
+        let half = self.window as i32 / 2;
+        let nodes = (-half..=half).flat_map(|y| (-half..=half).map(move |x| Vector2::new(x, y)));
+        let at = |node: Vector2<i32>| self.position + node.map(f64::from) * self.resolution_m;
+        nodes.map(|node| known(at(node))).fold(f32::NAN, f32::max)
+    }
+
     /// The class of [`Layers::cautious_class`] for this cell, and what it is made of; `None` where slope, roughness or
     /// step have no value, and the class stays what it is.
     pub fn doubted(&self, sigma_m: f64, k: f64) -> Result<Option<(u8, Doubt)>, TerrainError> {

@@ -7,7 +7,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use terrain::fusion::{
     Alignment, Cell, Correction, Flags, Input, MapSettings, MapVersion, Mapper, PairCell, PairDem,
-    ReadPolicy, TILE,
+    ReadPolicy, StandingWheel, TILE,
 };
 use terrain::traversability::{Limits, trusted_traversability};
 use terrain::{Source, TerrainError};
@@ -300,7 +300,7 @@ fn random_inputs(rng: &mut ChaCha8Rng, n: u32) -> Vec<Input> {
                 })
                 .collect();
             let dem = Arc::new(PairDem::new(0.05, origin, nx, cells).unwrap());
-            match rng.random_range(0..8) {
+            match rng.random_range(0..9) {
                 0 => Input::Prior { source, dem, time_ns },
                 1 => Input::Contact {
                     source,
@@ -324,6 +324,19 @@ fn random_inputs(rng: &mut ChaCha8Rng, n: u32) -> Vec<Input> {
                     let alignment = Alignment { correction, ..Alignment::NONE };
                     Input::Pair { source, dem, time_ns, alignment }
                 }
+                4 => Input::Stood {
+                    source,
+                    wheel: StandingWheel {
+                        center_m: Point3::new(-3.2 + 0.4 * rng.random::<f64>(), -2.0, 0.25),
+                        axle: Unit::new_normalize(Vector3::new(1.0, rng.random(), 0.1)),
+                        radius_m: 0.264,
+                        width_m: 0.24,
+                        ball: false,
+                    },
+                    most_m: 0.2,
+                    variance_m2: 1e-4,
+                    time_ns,
+                },
                 _ => Input::Pair { source, dem, time_ns, alignment: Alignment::NONE },
             }
         })

@@ -1,6 +1,7 @@
 //! Tests of the crate as its users see it.
 #![allow(clippy::unwrap_used)]
 
+mod cover;
 mod damage;
 mod formats;
 mod fusion;
@@ -14,6 +15,7 @@ mod pairs;
 mod pictures;
 mod properties;
 mod real_files;
+mod standing;
 mod synthetic;
 mod tiff;
 mod traversability;

@@ -286,7 +286,9 @@ fn strip(map: &ElevationMap, truth: &Correction, x: [f64; 2], common: f64, seed:
             ..point(told.x, told.y, z - truth.translation_m.z, 0.006, Tag::Terrain)
         });
     }
-    rasterize(&points, &RasterizeOptions::default()).unwrap().dem
+    // Its noise is known: relief comes on top in the field only.
+    let options = RasterizeOptions { relief_share: 0.0, ..RasterizeOptions::default() };
+    rasterize(&points, &options).unwrap().dem
 }
 
 #[test]
@@ -350,4 +352,38 @@ fn the_pairs_of_a_stand_are_fitted_to_each_other_by_no_more_than_they_share() {
     for found in [&found[0], &found[2]] {
         assert!(found.correction.translation_m.norm() < 0.01, "{found:?}");
     }
+}
+
+/// One point a cell, of so little noise that relief alone counts.
+fn raster(height: impl Fn(i32, i32) -> f64, relief_share: f64) -> PairDem {
+    let nodes = (0..9).flat_map(|iy| (0..9).map(move |ix| (ix, iy)));
+    let points: Vec<Measurement> = nodes
+        .map(|(ix, iy)| Measurement {
+            position_m: Point3::new(0.05 * f64::from(ix), 0.05 * f64::from(iy), height(ix, iy)),
+            height_variance_m2: 1e-8,
+            common_variance_m2: 1e-6,
+            footprint_m: 0.0,
+            tag: Tag::Terrain,
+        })
+        .collect();
+    rasterize(&points, &RasterizeOptions { relief_share, ..RasterizeOptions::default() })
+        .unwrap()
+        .dem
+}
+
+#[test]
+fn heights_are_as_unsure_as_the_relief_about_them() {
+    // A plane has none, however steep.
+    let plane = |ix: i32, iy: i32| 0.03 * f64::from(ix) - 0.02 * f64::from(iy);
+    let (with, without) = (raster(plane, 0.5), raster(plane, 0.0));
+    for (a, b) in with.cells().iter().zip(without.cells()) {
+        assert!((a.variance_m2 - b.variance_m2).abs() < 1e-8, "{a:?} {b:?}");
+    }
+    // Of nine heights the middle one is 0.09 m up: they are 0.09² (1 - 1/9) from their plane, over six degrees of freedom.
+    let with = raster(|ix, iy| if (ix, iy) == (4, 4) { 0.09 } else { 0.0 }, 0.5);
+    let expected = 0.25 * 0.0081 * (8.0 / 9.0) / 6.0;
+    let found = f64::from(with.at([4, 4]).variance_m2);
+    assert!((found / expected - 1.0).abs() < 0.01, "{found} {expected}");
+    assert_eq!(with.at([4, 4]).common_m2, without.at([4, 4]).common_m2);
+    assert!(with.at([1, 4]).variance_m2 < 2e-6, "three cells off nothing is the matter");
 }

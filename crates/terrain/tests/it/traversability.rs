@@ -251,6 +251,19 @@ fn cautious_classes_are_those_of_ground_that_is_worse_by_so_many_sigmas() {
             layers.class.values().iter().filter(unknown).count()
         );
     }
+    // One height that is not sure matters to every foot over it, and to no other.
+    let once = |ix, iy| if (ix, iy) == (45, 30) { 0.05 } else { 0.001 };
+    let once = Raster::from_fn(grid, once);
+    let class = layers.cautious_class(&once, 1.0).unwrap();
+    for ix in 35..46 {
+        let is_over = 45 - ix <= 5;
+        assert_eq!(at(&class, ix), if is_over { CAUTION } else { SAFE }, "{ix}");
+        let cell = explain_cell(&map, grid.position(ix, 30), 0.55, &Limits::default());
+        let cell = cell.unwrap().unwrap();
+        let worst = cell.worst(|p| once.nearest(p).unwrap_or(f32::NAN));
+        assert_eq!(worst, if is_over { 0.05 } else { 0.001 }, "{ix}");
+        assert_eq!(cell.doubted(worst.into(), 1.0).unwrap().unwrap().0, at(&class, ix));
+    }
     let nothing = layers.cautious_class(&sigma(f32::NAN), 1.0).unwrap();
     assert_eq!(at(&nothing, 20), CAUTION);
     let small = Raster::from_fn(Grid { nx: 80, ..grid }, |_, _| 0.0);

@@ -277,6 +277,9 @@ pub struct PlanFinding {
     pub check: String,
     /// Is it met?
     pub ok: bool,
+    /// Does it hold on an assumption, which the detail tells?
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub assumed: bool,
     /// What is to spare, negative where it is missing, in the check's unit.
     pub margin: Option<f64>,
     /// Where along the step, in words.

@@ -1,4 +1,4 @@
-// The checks of a plan, those that fail first.
+// The checks of a plan: those that fail first, then those that hold on an assumption.
 
 import { useState } from "react";
 
@@ -8,9 +8,11 @@ import { StatusMark } from "../../ui/StatusMark";
 
 export function Findings({ findings }: { findings: PlanFinding[] }) {
   const failed = findings.filter((f) => !f.ok);
-  const [open, setOpen] = useState(failed.length > 0);
+  const assumed = findings.filter((f) => f.assumed);
+  const [open, setOpen] = useState(failed.length + assumed.length > 0);
   if (findings.length === 0) return null;
-  const sorted = [...failed, ...findings.filter((f) => f.ok)];
+  const sorted = [...failed, ...assumed, ...findings.filter((f) => f.ok && !f.assumed)];
+  const held = `All ${findings.length} checks hold`;
   return (
     <section className="section">
       <button
@@ -20,10 +22,14 @@ export function Findings({ findings }: { findings: PlanFinding[] }) {
         data-testid="findings"
         onClick={() => setOpen(!open)}
       >
-        <StatusMark status={failed.length > 0 ? "serious" : "normal"} />
+        <StatusMark
+          status={failed.length > 0 ? "serious" : assumed.length > 0 ? "caution" : "normal"}
+        />
         {failed.length > 0
           ? `${failed.length} of ${findings.length} checks do not hold`
-          : `All ${findings.length} checks hold`}
+          : assumed.length > 0
+            ? `${held}, ${assumed.length} on an assumption`
+            : held}
         <span className="quiet">{open ? "Hide" : "Show"}</span>
       </button>
       {open && (
@@ -48,8 +54,8 @@ function Row({ finding }: { finding: PlanFinding }) {
   return (
     <li className="finding">
       <StatusMark
-        status={finding.ok ? "normal" : "serious"}
-        label={finding.ok ? "holds" : "fails"}
+        status={finding.assumed ? "caution" : finding.ok ? "normal" : "serious"}
+        label={finding.assumed ? "holds on an assumption" : finding.ok ? "holds" : "fails"}
       />
       <div>
         {capital(words(finding.check))}
