@@ -221,6 +221,50 @@ impl Images {
         Some(shares.sum::<f64>() / capture.pairs.len().max(1) as f64)
     }
 
+    /// Takes in the images of a capture of an earlier session, pair by pair, as far as there is room beside what is here;
+    /// false if there is none, or the capture is known. It counts as older than all others.
+    pub fn bring_back(&mut self, id: &str, images: Vec<Arc<ReceivedImage>>) -> bool {
+        let bytes: usize = images.iter().map(|image| image.head.bytes as usize).sum();
+        let is_known = self.captures.iter().any(|capture| capture.id == id);
+        let is_full =
+            self.captures.len() >= CAPTURES_MAX || self.held_bytes() + bytes > HELD_BYTES_MAX;
+        if is_known || is_full || images.is_empty() {
+            return false;
+        }
+        let heard = images.iter().map(|image| image.head.time).max().unwrap_or_default();
+        let mut pairs: Vec<Pair> = Vec::new();
+        for image in images {
+            let name = &image.head.image.pair;
+            let at = pairs.iter().position(|pair| pair.name == *name).unwrap_or_else(|| {
+                let images = [Assembly::default(), Assembly::default()];
+                pairs.push(Pair { name: name.clone(), images, failed: None });
+                pairs.len() - 1
+            });
+            let side = usize::from(image.head.image.side == Side::Right);
+            pairs[at].images[side] = Assembly::Whole(image);
+        }
+        let is_whole = pairs.iter().all(Pair::is_whole);
+        for pair in pairs.iter_mut().filter(|pair| !pair.is_whole()) {
+            pair.failed = Some(format!("{}: the session ended before", pair.missing_text()));
+        }
+        let state = match is_whole {
+            true => CaptureState::Complete,
+            false => CaptureState::Incomplete { why: "the session ended before".into() },
+        };
+        let (id, begun, ended) = (id.to_owned(), true, true);
+        self.captures.push_front(Capture {
+            id,
+            state,
+            pairs,
+            heard,
+            begun,
+            tries: 0,
+            rounds: 0,
+            ended,
+        });
+        true
+    }
+
     /// How a capture is, if it is known.
     pub fn state(&self, id: &str) -> Option<&CaptureState> {
         self.captures.iter().find(|capture| capture.id == id).map(|capture| &capture.state)

@@ -64,12 +64,22 @@ struct Batch {
     yaws: Option<Yaws>,
 }
 
+/// How long one item is clear.
+#[derive(Clone, Copy)]
+struct Room {
+    /// From where it was seen with the others (m).
+    way: f64,
+    /// By the odometer, from a look that it has had since.
+    due: f64,
+    item: Item,
+}
+
 /// All items of a batch, looked at in one place.
 struct Seen {
     at: Frame,
     /// The way (m) up to which each item, or each member of a group that is near, is clear from there; the
     /// least first.
-    rooms: Vec<(f64, Item)>,
+    rooms: Vec<Room>,
     /// Those only known to be clear there, which have to be looked at each time.
     always: Vec<Item>,
     /// Looks taken since because a way was longer.
@@ -81,7 +91,6 @@ impl<'c> Follower<'c> {
     pub fn new(checker: &'c LegChecker<'c>) -> Follower<'c> {
         let mut odometer = Odometer::new(checker);
         let mut batches: Vec<Batch> = Vec::new();
-        let mut keys: Vec<(usize, Option<usize>)> = Vec::new();
         for item in &checker.items {
             let place = |i: usize| checker.moving[i].place;
             let i = usize::from(item.moving);
@@ -92,26 +101,32 @@ impl<'c> Follower<'c> {
                 Against::Own(j) => (i, Some(place(j.into()))),
                 _ => (i, None),
             };
-            let key = (part, seen_from);
-            let batch = keys.iter().position(|known| *known == key).unwrap_or_else(|| {
-                let sphere = checker.moving[part].sphere_in_place();
-                let moves = odometer.way_for(place(part), seen_from, &sphere);
-                // What stands on the ground is allowed other things each time.
-                let by_yaw = moves == Some(0) && !checker.moving[part].part.is_wheel;
-                let radius = sphere.0.coords.norm() + sphere.1;
-                keys.push(key);
-                batches.push(Batch {
-                    items: Vec::new(),
+            let sphere = checker.moving[part].sphere_in_place();
+            let moves = odometer.way_for(place(part), seen_from, &sphere);
+            // What goes the same way is looked at together.
+            match batches.iter_mut().find(|batch| batch.moves == moves) {
+                Some(batch) => {
+                    batch.sphere = about_both(batch.sphere, sphere);
+                    batch.items.push(*item);
+                }
+                None => batches.push(Batch {
+                    items: vec![*item],
                     moves,
                     sphere,
                     seen: ArrayVec::new(),
                     due: NOW,
                     always: Vec::new(),
-                    yaws: Some(radius).filter(|_| by_yaw).and_then(|r| Yaws::new(checker, r)),
-                });
-                batches.len() - 1
-            });
-            batches[batch].items.push(*item);
+                    yaws: None,
+                }),
+            }
+        }
+        for batch in batches.iter_mut().filter(|batch| batch.moves == Some(0)) {
+            // What stands on the ground is allowed other things each time.
+            let stands = |item: &Item| checker.moving[usize::from(item.moving)].part.is_wheel;
+            if !batch.items.iter().any(stands) {
+                let (center, radius) = batch.sphere;
+                batch.yaws = Yaws::new(checker, center.coords.norm() + radius);
+            }
         }
         let scratch = Scratch::new(checker);
         let scale = checker.scene.robot().scale();
@@ -126,10 +141,15 @@ impl<'c> Follower<'c> {
         }
     }
 
-    /// As [`touch`](Self::touch) for a wheel that sits on the ground: shifted along z until it just touches, and so
-    /// clear of it all over where it is raised by what it may be in the ground.
-    pub fn touch_seated(&mut self, frames: &LegFrames, zone: &ContactZone) -> Option<Touch> {
-        self.is_seated = zone.ground_tolerance > 0.0;
+    /// As [`touch`](Self::touch) for a wheel that stands in its zone. One that `is_seated` was shifted along z until
+    /// it just touches, and so is clear of the ground all over where it is raised by what it may be in it.
+    pub fn touch_standing(
+        &mut self,
+        frames: &LegFrames,
+        zone: &ContactZone,
+        is_seated: bool,
+    ) -> Option<Touch> {
+        self.is_seated = is_seated && zone.ground_tolerance > 0.0;
         let touch = self.touch(frames, Allowance { zone: Some(zone), buffered: false });
         self.is_seated = false;
         touch
@@ -148,6 +168,11 @@ impl<'c> Follower<'c> {
             }
             if self.odometer.gone(batch.moves) < batch.due {
                 return self.look_at_all(&batch.always, frames, allowance);
+            }
+            if let Some(yaws) = &batch.yaws
+                && yaws.is_clear(frames)
+            {
+                return None;
             }
             self.touch_of(batch, frames, allowance)
         });
@@ -221,16 +246,23 @@ impl<'c> Follower<'c> {
             }
             let way = beyond + seen.least();
             let mut room_left = f64::INFINITY;
-            for (room, item) in &seen.rooms {
-                if way < *room {
-                    room_left = room_left.min(room - way);
+            for room in &mut seen.rooms {
+                if way < room.way {
+                    room_left = room_left.min(room.way - way);
                     break;
                 }
+                if gone < room.due {
+                    room_left = room_left.min(room.due - gone);
+                    continue;
+                }
                 seen.n_looks += 1;
-                match self.look(frames, allowance, item) {
+                match self.look(frames, allowance, &room.item) {
                     Err(touch) => return Some(touch),
-                    Ok(Some(room)) => room_left = room_left.min(room - SLACK),
-                    Ok(None) => batch.always.push(*item),
+                    Ok(Some(left)) => {
+                        room.due = gone + left - SLACK;
+                        room_left = room_left.min(left - SLACK);
+                    }
+                    Ok(None) => batch.always.push(room.item),
                 }
             }
             batch.due = gone + room_left;
@@ -239,18 +271,20 @@ impl<'c> Follower<'c> {
                 return None;
             }
         }
-        let mut seen = Seen { at: now, rooms: Vec::new(), always: Vec::new(), n_looks: 0 };
+        let oldest = if batch.seen.is_full() { batch.seen.pop() } else { None };
+        let (mut rooms, mut always) =
+            oldest.map(|seen| (seen.rooms, seen.always)).unwrap_or_default();
+        rooms.clear();
+        always.clear();
+        let mut seen = Seen { at: now, rooms, always, n_looks: 0 };
         for item in &batch.items {
             if let Err(touch) = self.see(frames, allowance, item, &mut seen) {
                 return Some(touch);
             }
         }
-        seen.rooms.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        seen.rooms.sort_by(|a, b| a.way.total_cmp(&b.way));
         batch.due = self.odometer.gone(batch.moves) + seen.least() - SLACK;
         batch.always.clone_from(&seen.always);
-        if batch.seen.is_full() {
-            batch.seen.pop();
-        }
         batch.seen.insert(0, seen);
         None
     }
@@ -265,7 +299,7 @@ impl<'c> Follower<'c> {
     ) -> Result<(), Touch> {
         for item in self.single(*item, &Moment::still(frames, allowance)) {
             match self.look(frames, allowance, &item)? {
-                Some(room) => seen.rooms.push((room, item)),
+                Some(way) => seen.rooms.push(Room { way, due: NOW, item }),
                 None => seen.always.push(item),
             }
         }
@@ -396,8 +430,23 @@ impl<'c> Follower<'c> {
 impl Seen {
     /// The way (m) up to which all that is remembered is clear.
     fn least(&self) -> f64 {
-        self.rooms.first().map_or(f64::INFINITY, |(room, _)| *room)
+        self.rooms.first().map_or(f64::INFINITY, |room| room.way)
     }
+}
+
+/// A sphere that holds two: their centers and radii.
+fn about_both(a: (Point3<f64>, f64), b: (Point3<f64>, f64)) -> (Point3<f64>, f64) {
+    let between = b.0 - a.0;
+    let distance = between.norm();
+    if distance + b.1 <= a.1 {
+        return a;
+    }
+    if distance + a.1 <= b.1 {
+        return b;
+    }
+    let radius = 0.5 * (distance + a.1 + b.1);
+    // What rounding may leave out.
+    (a.0 + between * ((radius - a.1) / distance), radius * (1.0 + 1e-12))
 }
 
 /// Most that any point of a sphere goes from one place of its frame to another (m).

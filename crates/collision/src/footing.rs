@@ -8,7 +8,10 @@ use std::f64::consts::PI;
 
 use arrayvec::ArrayVec;
 use nalgebra::{Matrix3, Point2, Point3, Translation3, Unit, UnitQuaternion, Vector3};
-use rover::{Frame, Leg, LegAngles, LegId, LinkId, MAX_SOLUTIONS, NoSolution, Posture, WheelPose};
+use rover::{
+    Branch, Frame, IkSolution, Leg, LegAngles, LegId, LinkId, MAX_SOLUTIONS, NoSolution, Posture,
+    WheelPose,
+};
 
 use crate::scene::Scene;
 use crate::touchdown::{FootfallPlace, Touchdown, footfall_place};
@@ -22,6 +25,8 @@ const YAWS: [f64; 7] = [0.0, 0.524, -0.524, 1.047, -1.047, 1.571, -1.571];
 const FIXED_YAWS: [f64; 2] = [0.0, PI];
 /// Pitches of the fork tried about the axle (rad), 0 being along the normal.
 const FORK_PITCHES: [f64; 5] = [0.0, 0.262, -0.262, 0.524, -0.524];
+/// Most orientations that are tried.
+const MOST_ORIENTATIONS: usize = YAWS.len() * FORK_PITCHES.len();
 /// Most that seating may shift a wheel, as a share of its radius: beyond, the ground under it is
 /// no place for a wheel.
 const SEATING_SHIFT: f64 = 0.5;
@@ -49,7 +54,9 @@ pub struct Footings<'a> {
     yaws: ArrayVec<(f64, f64), { YAWS.len() }>,
     fork_pitches: ArrayVec<(f64, f64), { FORK_PITCHES.len() }>,
     /// By orientation, [where the wrist is](Self::wrist).
-    wrists: ArrayVec<Vector3<f64>, { YAWS.len() * FORK_PITCHES.len() }>,
+    wrists: ArrayVec<Vector3<f64>, MOST_ORIENTATIONS>,
+    /// The same by coordinate.
+    wrists_by_coordinate: [[f64; MOST_ORIENTATIONS]; 3],
 }
 
 /// Where a wheel sits on the ground.
@@ -99,8 +106,12 @@ impl<'a> Footings<'a> {
             yaws,
             fork_pitches,
             wrists: ArrayVec::new(),
+            wrists_by_coordinate: [[0.0; MOST_ORIENTATIONS]; 3],
         };
         footings.wrists = (0..footings.n_orientations()).map(|o| footings.wrist(o)).collect();
+        for (i, of_all) in footings.wrists_by_coordinate.iter_mut().enumerate() {
+            of_all.iter_mut().zip(&footings.wrists).for_each(|(of, wrist)| *of = wrist[i]);
+        }
         footings
     }
 
@@ -115,6 +126,14 @@ impl<'a> Footings<'a> {
         let aside = wrist.z * cos_pitch - wrist.x * sin_pitch;
         let down = cos_pitch * wrist.x + sin_pitch * wrist.z;
         Vector3::new(cos * wrist.y + sin * aside, sin * wrist.y - cos * aside, -down)
+    }
+
+    /// How far the wrist is at most from the wheel's center, across the ground's normal and along it, in the
+    /// orientations that are tried (m); none for a leg without closed form.
+    pub fn farthest_wrist(&self) -> Option<(f64, f64)> {
+        self.model.ik.closed_form()?;
+        let most = |of: fn(&Vector3<f64>) -> f64| self.wrists.iter().map(of).fold(0.0, f64::max);
+        Some((most(|wrist| wrist.xy().norm()), most(|wrist| wrist.z.abs())))
     }
 
     /// Number of orientations that are tried in a place.
@@ -205,6 +224,30 @@ impl Footing<'_> {
         ik.missed_from_hip(&(center + from_center))
     }
 
+    /// As [`missed`](Self::missed) in each orientation.
+    pub fn misses(&self) -> ArrayVec<f64, MOST_ORIENTATIONS> {
+        let mut misses = ArrayVec::new();
+        match (self.of.model.ik.closed_form(), &self.from_hip) {
+            (Some(ik), Some([axle, across, normal, center])) => {
+                // By coordinate, so that several are found at once.
+                let mut places = [[0.0; MOST_ORIENTATIONS]; 3];
+                for (i, place) in places.iter_mut().enumerate() {
+                    let (axle, across, normal, center) = (axle[i], across[i], normal[i], center[i]);
+                    let [x, y, z] = &self.of.wrists_by_coordinate;
+                    for (((place, x), y), z) in place.iter_mut().zip(x).zip(y).zip(z) {
+                        *place = center + (axle * x + across * y + normal * z);
+                    }
+                }
+                let mut all = [0.0; MOST_ORIENTATIONS];
+                ik.misses_from_hip(&places, &mut all);
+                misses.extend(all);
+                misses.truncate(self.of.n_orientations());
+            }
+            _ => misses.extend((0..self.of.n_orientations()).map(|_| 0.0)),
+        }
+        misses
+    }
+
     /// How the wheel sits in an orientation: shifted along z until it just touches.
     pub fn seat(&mut self, orientation: usize) -> Result<Seat, NoSeat> {
         let yaw = self.of.yaw_of(orientation);
@@ -291,17 +334,19 @@ impl Footing<'_> {
         Ok(solutions.into_iter().map(|s| s.angles).collect())
     }
 
-    /// Of the [`angles`](Self::angles) those nearest to others, by the joint that differs most.
+    /// Of the [`angles`](Self::angles) those nearest to others, by the joint that differs most; sooner if they
+    /// are of a `branch` that is given.
     pub fn nearest_angles(
         &self,
         orientation: usize,
         seat: &Seat,
         lift: f64,
         to: &LegAngles,
-    ) -> Option<LegAngles> {
+        branch: Option<Branch>,
+    ) -> Option<IkSolution> {
         let frame = self.seated_frame(orientation, seat, lift);
         let model = self.of.model;
-        model.ik.solve_nearest(model, &self.of.base_from_world.after(&frame), to)
+        model.ik.solve_nearest(model, &self.of.base_from_world.after(&frame), to, branch)
     }
 
     /// The wheel put down with these joint angles, which came from [`angles`](Self::angles); none if

@@ -77,25 +77,49 @@ impl<'c> QuickChecker<'c> {
         allowance: Allowance,
         hint: &mut Hint,
     ) -> Option<Touch> {
+        if let Some(touch) = self.touch_lately(frames, allowance, hint) {
+            return Some(touch);
+        }
+        let lately = self.lately.clone();
+        (0..self.checker.items.len())
+            .filter(|place| !lately.contains(place))
+            .find_map(|place| self.look_at(place, frames, allowance, hint))
+    }
+
+    /// As [`touch`](Self::touch), but looks only at what the hint says, and at what was in the way lately.
+    pub fn touch_lately(
+        &mut self,
+        frames: &LegFrames,
+        allowance: Allowance,
+        hint: &mut Hint,
+    ) -> Option<Touch> {
+        let known = hint.0.map(|blocked| blocked.item);
         if let Some(touch) = self.touch_at(frames, allowance, hint) {
             return Some(touch);
         }
-        let moment = Moment::still(frames, allowance);
-        let (checker, scratch) = (self.checker, &mut self.scratch);
-        let known = hint.0.map(|blocked| blocked.item);
         let lately = self.lately.clone();
-        let others = (0..checker.items.len()).filter(|place| !lately.contains(place));
-        for place in lately.iter().copied().chain(others).filter(|place| Some(*place) != known) {
-            let item = &checker.items[place];
-            if let Look::Violated(violation) = checker.look(&moment, item, scratch) {
-                self.lately.retain(|other| *other != place);
-                self.lately.truncate(LATELY - 1);
-                self.lately.insert(0, place);
-                *hint = Hint(Some(blocked(checker, place, &moment, &violation)));
-                return Some(violation.touch);
-            }
-        }
-        None
+        lately
+            .into_iter()
+            .filter(|place| Some(*place) != known)
+            .find_map(|place| self.look_at(place, frames, allowance, hint))
+    }
+
+    /// Looks at one item, where the leg has been placed.
+    fn look_at(
+        &mut self,
+        place: usize,
+        frames: &LegFrames,
+        allowance: Allowance,
+        hint: &mut Hint,
+    ) -> Option<Touch> {
+        let (checker, moment) = (self.checker, Moment::still(frames, allowance));
+        let look = checker.look(&moment, &checker.items[place], &mut self.scratch);
+        let Look::Violated(violation) = look else { return None };
+        self.lately.retain(|other| *other != place);
+        self.lately.truncate(LATELY - 1);
+        self.lately.insert(0, place);
+        *hint = Hint(Some(blocked(checker, place, &moment, &violation)));
+        Some(violation.touch)
     }
 
     /// As [`touch`](Self::touch), but looks only at what the hint says.

@@ -319,12 +319,19 @@ impl<F: Fn(Point2<f64>) -> bool> Search<'_, F> {
         let known = self.map.holes().is_none();
         let heights = self.map.heights().values();
         let may_be = |bound: f64| self.best.is_none_or(|best| bound < best.gap - SETTLED);
-        if known && !may_be(lowest - self.map.max_over(min, max)) {
-            return;
+        let mut beside = self.wheel.radius;
+        if known {
+            let top = self.map.max_over(min, max);
+            if !may_be(lowest - top) {
+                return;
+            }
+            if let Some(best) = self.best {
+                beside = under.aside_of(top, best.gap - SETTLED);
+            }
         }
         let mut bounds = [0.0; RUN];
         for iy in rows {
-            let (from, to) = under.columns(grid.position(0, iy));
+            let (from, to) = under.columns(grid.position(0, iy), beside);
             let from = columns.start.max(from.clamp(0.0, grid.nx as f64) as usize);
             let to = columns.end.min(to.clamp(0.0, grid.nx as f64) as usize);
             for start in (from..to).step_by(RUN) {

@@ -40,6 +40,12 @@ impl Yaws {
         (at >= 0.0 && at < self.pieces.len() as f64).then_some(at as usize)
     }
 
+    /// Is the piece of a configuration known to be clear all over?
+    pub fn is_clear(&self, frames: &LegFrames) -> bool {
+        let open = self.piece(frames).and_then(|piece| self.pieces[piece].as_ref());
+        open.is_some_and(Vec::is_empty)
+    }
+
     /// The items of a piece to be looked at each time: those that `open_about` the middle of the piece says, within
     /// the way that the part may go from there (m).
     pub fn open(

@@ -7,6 +7,8 @@
 //! not collide where they stand; 23 120 (22 340) reach the waypoint above; 22 250 (18 900) are free there:
 //! reachable. All of them are stable.
 //!
+//! "One boulder" is the ground of the budget's loads.
+//!
 //! "Again" is what it costs to bring an answer up to date: where half a meter square of ground has changed beside
 //! the leg, and where what has changed is out of its reach, so that only the stance is looked at.
 //!
@@ -16,9 +18,9 @@
 
 use std::sync::Arc;
 
-use collision::{Allowance, ContactZone, LegChecker, Scene, survey, touchdowns};
+use collision::{Allowance, ContactZone, LegChecker, Obstacle, Scene, survey, touchdowns};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use nalgebra::{Point2, Point3, Translation3, Vector3};
+use nalgebra::{Isometry3, Point2, Point3, Translation3, Vector3};
 use reachability::{Area, ReachOptions, explain, reach, reach_again, reach_legs};
 use rover::{Configuration, LegAngles, LegId, Posture, Robot};
 use stability::rule;
@@ -53,6 +55,25 @@ fn seated(scene: &Scene) -> Configuration {
         start.legs[leg.0] = ways.expect("the ground is even enough")[0].angles;
     }
     start
+}
+
+/// The ground of the budget's loads: 32 768 triangles over 20 m, and a boulder beside the wheel of the leg.
+fn one_boulder(robot: Arc<Robot>) -> Scene {
+    let resolution_m = 20.0 / 128.0;
+    let recipe = terrain::synthetic::Recipe {
+        width_m: 20.0,
+        height_m: 20.0,
+        resolution_m,
+        ..terrain::synthetic::Recipe::boulder_field()
+    };
+    let map = terrain::synthetic::generate(&recipe, 7).expect("the recipe is good");
+    let stands = robot.pose("bent").expect("the fixture has the pose");
+    let mut at = Posture::new(&robot, &stands).wheel(&robot, LEG).center();
+    at.y += 0.7;
+    at.z = map.height_at(at.xy()).expect("on the map") + 0.2;
+    let world_from_box = Isometry3::from(at.coords);
+    let boulder = Obstacle::Box { world_from_box, half_extents: Vector3::repeat(0.3) };
+    Scene::new(robot, map, &[boulder]).expect("a box is an obstacle")
 }
 
 /// Number of reachable cells by trying all that there is, one after the other.
@@ -115,7 +136,13 @@ fn benches(c: &mut Criterion) {
         ReachOptions { resolution: 0.02, lift: LIFT, workers: 2, ..ReachOptions::default() };
     let mut group = c.benchmark_group("reach");
     group.sample_size(10);
-    let grounds = [("", &scene, &start), (", level ground", &level, &level_start)];
+    let boulder = one_boulder(scene.robot().clone());
+    let boulder_start = seated(&boulder);
+    let grounds = [
+        ("", &scene, &start),
+        (", level ground", &level, &level_start),
+        (", one boulder", &boulder, &boulder_start),
+    ];
     for (ground, scene, start) in grounds {
         for (name, legs) in [("one leg", &legs[..1]), ("six legs", &legs[..])] {
             let cells = legs.iter().map(|leg| places(scene, start, *leg, 0.02).len() as u64);

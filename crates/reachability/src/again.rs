@@ -8,6 +8,7 @@ use collision::Scene;
 use crate::answer::{ReachGrid, ReachOptions};
 use crate::look::{Look, seen};
 use crate::reach::{Job, Tile, run};
+use crate::strip::Strip;
 
 /// A rectangle seen from above.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,7 +21,7 @@ pub struct Area {
 
 impl Area {
     /// Distance of a point (m), zero inside.
-    fn distance(&self, p: &Point2<f64>) -> f64 {
+    pub(crate) fn distance(&self, p: &Point2<f64>) -> f64 {
         let beside = |v: f64, lo: f64, hi: f64| (lo - v).max(v - hi).max(0.0);
         beside(p.x, self.min.x, self.max.x).hypot(beside(p.y, self.min.y, self.max.y))
     }
@@ -29,9 +30,12 @@ impl Area {
 /// What [`reach`](crate::reach) answers, given its answer `before` to the same question on ground (or
 /// among obstacles) that was the same outside of `changed`.
 ///
+/// The classes of [`ReachOptions::ground`] count as ground: where they differ is within `changed`, too.
+///
 /// Only those tiles of cells are found anew that the change can matter to: a part of the leg is never
-/// farther from the hip and from the place of the wheel together than the leg is long. Where a wheel
-/// stands on changed ground, or `before` has other cells, all is found anew.
+/// farther from the hip and from the place of the wheel together than the leg is long, and where thigh and
+/// calf lie in a plane with the hip's yaw axis, never far beside the line from there to the wheel. Where a
+/// wheel stands on changed ground, or `before` has other cells, all is found anew.
 #[allow(clippy::too_many_arguments)] // those of `reach`, the answer before and what changed
 pub fn reach_again(
     before: &ReachGrid,
@@ -51,9 +55,13 @@ pub fn reach_again(
         job.take(before);
         let reach = look.reach_about_wheel();
         let hip = changed.distance(&look.hip.xy());
-        job.tiles.retain(|tile| {
-            cells(tile).any(|(ix, iy)| hip + changed.distance(&grid.position(ix, iy)) <= reach)
-        });
+        let strip = Strip::new(&look);
+        let matters = |p: Point2<f64>| {
+            (p - look.hip.xy()).norm() <= look.reach
+                && hip + changed.distance(&p) <= reach
+                && strip.as_ref().is_none_or(|strip| strip.may_meet(changed, p))
+        };
+        job.tiles.retain(|tile| cells(tile).any(|(ix, iy)| matters(grid.position(ix, iy))));
     }
     let mut jobs = vec![job];
     run(&mut jobs, options.workers, stop)?;
@@ -65,12 +73,21 @@ fn cells(tile: &Tile) -> impl Iterator<Item = (usize, usize)> + '_ {
 }
 
 impl Look<'_> {
-    /// True if a wheel of the robot may be over the area.
+    /// True if a wheel of the robot may be over the area, or a patch of ground whose normal counts.
     fn stands_on(&self, area: &Area) -> bool {
-        self.robot.leg_ids().any(|leg| {
-            let wheel = self.posture.wheel(self.robot, leg);
-            area.distance(&wheel.center().xy()) <= self.about_wheel()
-        })
+        let mut wheels = self.robot.leg_ids().map(|leg| self.posture.wheel(self.robot, leg));
+        let mut contacts = self.standing.iter().map(|(_, contact)| contact.position);
+        wheels.any(|wheel| area.distance(&wheel.center().xy()) <= self.about_seat())
+            || contacts.any(|contact| area.distance(&contact.xy()) <= self.about_seat())
+    }
+
+    /// How far from a wheel's center the ground matters to how it sits (m): what is below the wheel, and the patch of
+    /// which the normal counts, which is no farther than the wheel is wide.
+    pub fn about_seat(&self) -> f64 {
+        let wheel = &self.robot.leg(self.leg).wheel;
+        // A square of the map is known by its corners, and a changed node changes all about it.
+        let cell = self.scene.map().grid().resolution;
+        wheel.radius.hypot(0.5 * wheel.width).max(wheel.width) + 3.0 * cell
     }
 
     /// How far from a wheel's center the ground matters to how it sits and what it touches (m).

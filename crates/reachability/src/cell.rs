@@ -11,7 +11,7 @@ use collision::{
     QuickChecker, Seat, Touch, Touchdown, Violation, no_touchdown, touchdown_cost,
 };
 use nalgebra::{Point2, Point3};
-use rover::{LegAngles, LegFrames, MAX_SOLUTIONS};
+use rover::{Branch, LegAngles, LegFrames, MAX_SOLUTIONS};
 use terrain::traversability::UNSAFE;
 
 use crate::answer::{Cell, CellClass, Reason};
@@ -22,6 +22,8 @@ use crate::look::Look;
 pub(crate) struct Worked {
     pub orientation: usize,
     pub angles: LegAngles,
+    /// Which solution of the leg's kinematics, where that is known.
+    pub branch: Option<Branch>,
 }
 
 /// One way to put the wheel down.
@@ -30,6 +32,7 @@ pub(crate) struct Way {
     pub orientation: usize,
     pub seat: Seat,
     pub angles: LegAngles,
+    pub branch: Option<Branch>,
     pub com: Point3<f64>,
     pub contact: Point3<f64>,
     pub center: Point3<f64>,
@@ -76,6 +79,8 @@ pub(crate) struct Searcher<'a> {
     hints: Vec<Hints>,
     /// The leg from one reachable cell to the next: on the ground, and at the waypoint above.
     follows: [Follower<'a>; 2],
+    /// The leg from one way to the next where none like the last one works.
+    tries: Follower<'a>,
     /// The point of ground that the wheel was nearest to when it was seated last.
     nearest: Option<Point2<f64>>,
 }
@@ -94,13 +99,14 @@ impl<'a> Searcher<'a> {
         let hints = vec![Hints::default(); footings.n_orientations()];
         let quick = QuickChecker::new(checker);
         let follows = [Follower::new(checker), Follower::new(checker)];
-        Searcher { look, footings, checker, quick, hints, follows, nearest: None }
+        let tries = Follower::new(checker);
+        Searcher { look, footings, checker, quick, hints, follows, tries, nearest: None }
     }
 
-    /// Begins another tile: nothing that was seen before counts.
+    /// Begins another tile: nothing counts that was seen before and could be seen in the answer. What the
+    /// followers have seen cannot: theirs are the same whatever it was.
     pub fn begin(&mut self) {
         self.hints.fill(Hints::default());
-        self.follows.iter_mut().for_each(Follower::begin);
         self.nearest = None;
     }
 
@@ -122,6 +128,7 @@ impl<'a> Searcher<'a> {
             quick: &mut self.quick,
             hints: &mut self.hints,
             follows: &mut self.follows,
+            tries: &mut self.tries,
             footing,
             n_orientations: self.footings.n_orientations(),
             best: None,
@@ -162,6 +169,7 @@ struct Search<'s, 'a> {
     quick: &'s mut QuickChecker<'a>,
     hints: &'s mut [Hints],
     follows: &'s mut [Follower<'a>; 2],
+    tries: &'s mut Follower<'a>,
     footing: Footing<'s>,
     n_orientations: usize,
     /// The way that got furthest; of equals the first.
@@ -182,8 +190,7 @@ impl Search<'_, '_> {
                 }
             }
         }
-        let misses: ArrayVec<f64, 35> =
-            (0..self.n_orientations).map(|o| self.footing.missed(o)).collect();
+        let misses = self.footing.misses();
         let missed = misses.iter().copied().fold(f64::INFINITY, f64::min);
         if missed > 0.0 {
             return Found::nothing(CellClass::Unreachable, Reason::OutOfReach, missed);
@@ -230,21 +237,20 @@ impl Search<'_, '_> {
     fn again(&mut self, worked: &Worked) -> Option<Way> {
         let seat = self.footing.seat(worked.orientation).ok()?;
         let (orientation, lift) = (worked.orientation, self.look.options.lift);
-        let angles = self.footing.nearest_angles(orientation, &seat, 0.0, &worked.angles)?;
+        let (angles, branch) = (&worked.angles, worked.branch);
+        let down = self.footing.nearest_angles(orientation, &seat, 0.0, angles, branch)?;
+        let (angles, branch) = (down.angles, Some(down.branch));
         let frames = self.quick.chain().frames(&angles);
         let mut way = self.placed(&PutDown::new(orientation, seat), angles, &frames)?;
-        way.raised = Some(self.footing.nearest_angles(orientation, &seat, lift, &angles)?);
+        way.branch = branch;
+        let raised = self.footing.nearest_angles(orientation, &seat, lift, &angles, branch)?;
+        way.raised = Some(raised.angles);
         if !(self.look.can_lift_off && self.look.holds(&way)) {
             return None;
         }
         let zone = self.look.zone(&way);
         let [down, lifted] = &mut *self.follows;
-        let touch = if self.look.robot.leg(self.look.leg).ik.fixes_orientation() {
-            down.touch_seated(&frames, &zone)
-        } else {
-            down.touch(&frames, Allowance { zone: Some(&zone), buffered: false })
-        };
-        if touch.is_some() {
+        if down.touch_standing(&frames, &zone, self.look.is_seated()).is_some() {
             return None;
         }
         let frames = self.quick.chain().frames(&way.raised?);
@@ -380,7 +386,14 @@ impl Search<'_, '_> {
             }
         }
         let hint = &mut self.hints[put.orientation].down;
-        if let Some(touch) = self.quick.touch(&frames, allowance, hint) {
+        let mut touch = self.quick.touch_lately(&frames, allowance, hint);
+        // Mostly free then: the first ways of a cell are much like those of the one before.
+        if touch.is_none()
+            && self.tries.touch_standing(&frames, &zone, self.look.is_seated()).is_some()
+        {
+            touch = self.quick.touch(&frames, allowance, hint);
+        }
+        if let Some(touch) = touch {
             return fails(Rank::Collides, way, Some(touch));
         }
         if !self.look.can_lift_off {
@@ -406,7 +419,7 @@ impl Search<'_, '_> {
             contact = self.footing.touchdown(orientation, &seat, angles)?.contact;
         }
         let center = self.look.wheel_center(frames);
-        Some(Way { orientation, seat, angles, com, contact, center, raised: None })
+        Some(Way { orientation, seat, angles, branch: None, com, contact, center, raised: None })
     }
 
     /// What the way that got furthest lacks.

@@ -16,6 +16,7 @@ mod look;
 mod mend;
 mod reach;
 mod stance;
+mod strip;
 
 pub use again::{Area, reach_again};
 pub use answer::{CellClass, GroundClasses, ReachGrid, ReachOptions, Reason, WheelHeading};

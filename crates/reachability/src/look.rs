@@ -106,6 +106,11 @@ impl<'a> Look<'a> {
         Some(Grid { origin, resolution, nx: n(hip.x) as usize, ny: n(hip.y) as usize })
     }
 
+    /// True if a wheel that was seated stands just as it was: the leg can give it any orientation.
+    pub fn is_seated(&self) -> bool {
+        self.robot.leg(self.leg).ik.fixes_orientation()
+    }
+
     /// The wheel's center in a posture of the leg.
     pub fn wheel_center(&self, frames: &LegFrames) -> Point3<f64> {
         let wheel = &self.robot.leg(self.leg).wheel;

@@ -159,8 +159,11 @@ fn of_tile(searcher: &mut Searcher, grid: &Grid, tile: &Tile) -> Vec<Cell> {
             let found = searcher.cell(p, &[before, below[column]]);
             cells[row * width + column] = found.cell;
             let worked = found.way.filter(|(rank, _)| *rank == Rank::Reachable);
-            let worked =
-                worked.map(|(_, way)| Worked { orientation: way.orientation, angles: way.angles });
+            let worked = worked.map(|(_, way)| Worked {
+                orientation: way.orientation,
+                angles: way.angles,
+                branch: way.branch,
+            });
             (before, below[column]) = (worked.or(before), worked.or(below[column]));
         }
     }

@@ -151,32 +151,36 @@ impl LegChain {
     }
 
     /// Forward kinematics.
+    #[inline]
     pub fn frames(&self, angles: &LegAngles) -> LegFrames {
         self.frames_on(&self.world_from_parent, angles)
     }
 
     /// As [`frames`](Self::frames) with the base elsewhere.
     pub(crate) fn frames_on(&self, world_from_base: &Frame, angles: &LegAngles) -> LegFrames {
-        let mut links = [Frame::identity(); PLACES];
-        let mut axes = [Vector3::zeros(); PLACES];
-        let mut slides = [false; PLACES];
+        let mut frames = LegFrames {
+            links: [*world_from_base; PLACES],
+            axes: [Vector3::zeros(); PLACES],
+            slides: [false; PLACES],
+            angles: *angles,
+        };
         let mut parent = *world_from_base;
         for (place, joint) in self.joints.iter().enumerate() {
             parent.origin += parent.rotation * joint.origin;
             if let Some(rotation) = &joint.rotation {
                 parent.rotation *= rotation;
             }
-            axes[place] = joint.axis.direction(&parent.rotation);
-            slides[place] = joint.stroke.is_some();
-            if slides[place] {
-                parent.origin += axes[place] * angles[place];
+            frames.axes[place] = joint.axis.direction(&parent.rotation);
+            frames.slides[place] = joint.stroke.is_some();
+            if frames.slides[place] {
+                parent.origin += frames.axes[place] * angles[place];
             } else {
                 joint.axis.turn(&mut parent.rotation, angles[place]);
             }
-            links[place] = parent;
+            frames.links[place] = parent;
         }
-        links[self.joints.len()..].fill(parent);
-        LegFrames { links, axes, slides, angles: *angles }
+        frames.links[self.joints.len()..].fill(parent);
+        frames
     }
 
     /// Center of mass of the whole robot, in `world` (m).

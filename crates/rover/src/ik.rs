@@ -128,19 +128,23 @@ impl LegSolver {
     }
 
     /// Of the solutions [within the limits](Self::solve_within) the first of those nearest to other
-    /// angles, by the joint that differs most; none if there is none.
+    /// angles, by the joint that differs most; none if there is none. Where a `branch` is given it is tried
+    /// first: the answer is the same, and comes sooner if it is of that one.
     pub fn solve_nearest(
         &self,
         leg: &Leg,
         base_from_wheel: &Frame,
         to: &LegAngles,
-    ) -> Option<LegAngles> {
+        branch: Option<Branch>,
+    ) -> Option<IkSolution> {
         match self {
-            LegSolver::ClosedForm(ik) => ik.solve_nearest(leg, base_from_wheel, to),
+            LegSolver::ClosedForm(ik) => branch
+                .and_then(|branch| ik.solve_branch(leg, base_from_wheel, to, branch))
+                .or_else(|| ik.solve_nearest(leg, base_from_wheel, to)),
             LegSolver::Numerical(_) => {
                 let all = self.solve_within(leg, base_from_wheel).ok()?;
                 let from = |s: &IkSolution| (s.angles - to).amax();
-                all.into_iter().min_by(|a, b| from(a).total_cmp(&from(b))).map(|s| s.angles)
+                all.into_iter().min_by(|a, b| from(a).total_cmp(&from(b)))
             }
         }
     }

@@ -72,6 +72,11 @@ pub const CODES: &[(&str, u16, &str)] = &[
     ("texture_none", 404, "a map over which no camera image lies"),
     ("overlay_unknown", 404, "no such overlay"),
     ("overlay_elsewhere", 422, "a raster that lies beside the map"),
+    (
+        "map_not_restored",
+        409,
+        "a map of an earlier session that its log does not make again as it was",
+    ),
     ("job_unknown", 404, "no such job"),
     ("reconstruction_unknown", 404, "no such reconstruction, or not one that has ended"),
     ("picture_unknown", 404, "no such picture of a pair, or it is no longer kept"),

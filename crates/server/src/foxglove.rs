@@ -2,7 +2,7 @@
 //! Foxglove WebSocket protocol. Read-only: there is no operation that could reach the rover.
 //!
 //! Beside the logged channels, in JSON, there is what viewers draw in three dimensions, in protobuf:
-//! [`wire::foxglove`]. Both subprotocols of viewers in use are taken; what is served here is the same in both. A
+//! [`wire::foxglove`]; and of the live rover its cameras, each image with calibration and place. Both subprotocols of viewers in use are taken; what is served here is the same in both. A
 //! listener that takes too little loses the oldest messages of the bus, and is told how many.
 
 use std::borrow::Cow;
@@ -18,6 +18,7 @@ use tokio::sync::{broadcast, watch};
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout};
 use wire::time::Timestamp;
 
+mod cameras;
 mod listener;
 mod topics;
 
@@ -154,7 +155,7 @@ const ERROR: u8 = 2;
 pub async fn serve(mut socket: WebSocket, app: AppState, feed: Feed) {
     let Feed { name, shown, mut source } = feed;
     let is_replay = matches!(source, Source::Replay(_));
-    let topics = Topics::new(&app.schemas, app.live.robot().clone());
+    let topics = Topics::new(&app, is_replay);
     if !greet(&mut socket, &name, is_replay, &topics).await {
         return;
     }

@@ -99,9 +99,12 @@ fn import(
         ground.notice(now, EventLevel::Caution, "server", &text);
     }
     app.reconstructions.stand_on(version.map.clone());
-    app.overlays.clear();
+    let name = version.info.version.clone();
     app.store.put(version);
     ground.publish(now, channel::TERRAIN, &notice);
     ground.notice(now, EventLevel::Info, who, &text);
+    // Not with the link in hand: it writes a file.
+    drop(ground);
+    app.overlays.clear(&name);
     Ok("/api/v1/terrain/versions".into())
 }

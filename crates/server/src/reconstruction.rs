@@ -20,6 +20,7 @@ mod pair;
 pub mod pictures;
 pub mod rebuild;
 mod request;
+pub mod restore;
 pub mod versions;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -453,7 +454,7 @@ fn read(
     let origin: Point2<f64> = grid.position(x0, y0);
     let known = Grid { origin, nx: x1 - x0 + 1, ny: y1 - y0 + 1, ..grid };
     let heights = Raster::from_fn(known, |ix, iy| *heights.at(x0 + ix, y0 + iy));
-    Ok(ElevationMap::new(heights, source).with_frame_offset(ground.frame_offset()))
+    Ok(ElevationMap::new(heights, source).with_placement(ground.placement().clone()))
 }
 
 /// An error of the work on a pair: that it was told to stop, or what does not fit.

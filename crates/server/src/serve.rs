@@ -41,7 +41,7 @@ use crate::jobs::Jobs;
 use crate::live::{Live, LiveParts, derive_for, hash_text};
 use crate::live_reach::{self, LiveReach};
 use crate::plans::{Plans, Postures};
-use crate::reconstruction::{Reconstructions, contact};
+use crate::reconstruction::{Reconstructions, contact, restore};
 use crate::replays::Replays;
 use crate::robots::Robots;
 use crate::scene::Context;
@@ -125,7 +125,7 @@ pub struct Server {
     reach: tokio::task::JoinHandle<()>,
     contacts: tokio::task::JoinHandle<()>,
     /// Dials a rover that is a process of its own.
-    dialer: Option<tokio::task::JoinHandle<()>>,
+    dialer: Dialer,
     closing: watch::Sender<bool>,
 }
 
@@ -170,7 +170,7 @@ impl Server {
         }
         let folder = FileRoot::Folder(config.server.terrain_dir.clone());
         let terrains = Arc::new(Terrains::new(folder, Some(store.clone())));
-        let (live, dialer) = live(&config, place_m, rover, &robots, &map, clock.clone())?;
+        let (live, dialer, earlier) = live(&config, place_m, rover, &robots, &map, clock.clone())?;
         let (closing, closed) = watch::channel(false);
         let publish = live.ground.clone();
         let publish_clock = clock.clone();
@@ -182,6 +182,8 @@ impl Server {
             }),
         );
         let driver = tokio::spawn(ground::run(live.ground.clone(), clock.clone()));
+        let overlays_dir = config.server.terrain_dir.clone();
+        let ground_map = map.clone();
         let app = Arc::new(App {
             gate: Gate::new(config.server.analyses_max, config.server.analyses_waiting_max),
             listeners: Arc::new(Semaphore::new(config.server.listeners_max)),
@@ -195,14 +197,19 @@ impl Server {
             terrains,
             store,
             live,
+            overlays: Overlays::new(overlays_dir, version_name(&map)),
             reconstructions: Reconstructions::new(map),
-            overlays: Overlays::default(),
             reach: LiveReach::default(),
             jobs,
             closing: closed,
         });
         let reach = tokio::spawn(live_reach::run(app.clone()));
         let contacts = tokio::spawn(contact::run(app.clone()));
+        let with_overlays = app.clone();
+        tokio::task::spawn_blocking(move || bring_back_overlays(&with_overlays, &ground_map));
+        if let Some(log) = earlier {
+            tokio::spawn(restore::of_last_session(app.clone(), log));
+        }
         Ok(Server { app, driver, reach, contacts, dialer, closing })
     }
 
@@ -249,6 +256,21 @@ impl Server {
     }
 }
 
+/// The rasters that the server before had laid over the same ground; told as far as there were any.
+fn bring_back_overlays(app: &AppState, map: &ElevationMap) {
+    let (n, failed) = app.overlays.bring_back(map);
+    if n == 0 && failed.is_empty() {
+        return;
+    }
+    let mut text = format!("{n} rasters lie over the ground as before");
+    let level = if failed.is_empty() { EventLevel::Info } else { EventLevel::Caution };
+    for why in failed {
+        text += &format!("; not back: {why}");
+    }
+    let (mut ground, now) = app.live.locked();
+    ground.notice(now, level, "server", &text);
+}
+
 /// The ground that a configuration begins on.
 pub(crate) fn first_map(config: &Config, root: FileRoot) -> Result<ElevationMap, RequestError> {
     let import = world::first_import(config);
@@ -276,7 +298,11 @@ pub(crate) fn robot(
     context.robot(&At::root("rover"), &scene)
 }
 
-/// The live rover of a configuration: seated on its map, or dialed by the task given with it.
+/// The task that dials a rover that is a process of its own.
+type Dialer = Option<tokio::task::JoinHandle<()>>;
+
+/// The live rover of a configuration, seated on its map or dialed, and the log of an earlier session of which the map of
+/// the cameras is to be made again.
 fn live(
     config: &Arc<Config>,
     place_m: Option<[f64; 2]>,
@@ -284,7 +310,7 @@ fn live(
     robots: &Arc<Robots>,
     map: &ElevationMap,
     clock: Arc<dyn Clock>,
-) -> Result<(Live, Option<tokio::task::JoinHandle<()>>), StartError> {
+) -> Result<(Live, Dialer, Option<String>), StartError> {
     let now = clock.now();
     let robot = robot(config, robots)?;
     let rig = Arc::new(imaging::rig(&At::root("rover"), robots, &config.rover.robot, &robot)?);
@@ -338,15 +364,15 @@ fn live(
     ground.publish(now, channel::TERRAIN, &notice);
     let text = format!("session begins on {}; {where_it_is}", notice.source);
     ground.notice(now, EventLevel::Info, "server", &text);
-    if let Some(version) = earlier.seen_map {
+    if let Some((version, log)) = &earlier.seen_map {
         let text = format!(
-            "the session before ended on the map {version}, which cameras had made; it and its images are not read              back: ask the pairs again. Its log has them (footfall log rebuild)"
+            "the map {version}, which cameras had made in the session before, is being made again from the log {log}"
         );
-        ground.notice(now, EventLevel::Caution, "server", &text);
+        ground.notice(now, EventLevel::Info, "server", &text);
     }
     let payloads = config.rover.payloads();
     let live = Live::new(LiveParts { ground, clock, robot, rig, payloads, gravity, friction });
-    Ok((live, dialer))
+    Ok((live, dialer, earlier.seen_map.map(|(_, log)| log)))
 }
 
 fn recorder(

@@ -207,6 +207,11 @@ impl Version {
             z_range_m,
             known_share: n_known as f64 / grid.len().max(1) as f64,
             frame_offset_m: map.frame_offset().into(),
+            reference_system: map
+                .placement()
+                .system
+                .as_ref()
+                .map(|system| system.name().to_owned()),
             tiles: [n_tiles(grid.nx), n_tiles(grid.ny)],
             zooms: n_zooms(grid.nx.max(grid.ny)),
             layers: if layers.is_ok() { &LAYERS[..] } else { &LAYERS[..1] }
@@ -463,8 +468,13 @@ pub fn export(
         let classes = layers.map(|layers| &layers.class).ok_or_else(|| {
             RequestError::at("not_ready", &At::root("format"), "is of a map without traversability")
         })?;
-        return terrain::formats::geotiff::write_classes(classes, "class", &CLASS_COLORS)
-            .map_err(|error| refuse("version", error));
+        return terrain::formats::geotiff::write_classes(
+            classes,
+            "class",
+            &CLASS_COLORS,
+            map.placement(),
+        )
+        .map_err(|error| refuse("version", error));
     }
     if format == ExportFormat::Tif {
         let layers = layers.filter(|layers| layers.class.grid() == map.grid());
@@ -483,7 +493,7 @@ pub fn export(
                 ("class", class),
             ]);
         }
-        return terrain::formats::geotiff::write_layers(map.grid(), &bands)
+        return terrain::formats::geotiff::write_layers(map.grid(), &bands, map.placement())
             .map_err(|error| refuse("version", error));
     }
     let mesh = if error_m > 0.0 {

@@ -3,9 +3,14 @@
 use nalgebra::{Isometry3, Matrix3, Point2, Point3, Rotation3, Unit, UnitQuaternion, Vector3};
 
 use crate::StereoError;
-use crate::camera::unit;
+use crate::camera::{check_place, unit};
 use crate::image::ImageSize;
 use crate::pinhole::factors;
+
+/// Squared tangent up to which a point may be aside from O: 84 degrees.
+const TAU_MAX: f64 = 100.0;
+/// Least growth at which a pixel has a ray.
+const GROWTH_MIN: f64 = 1e-9;
 
 /// A camera by the vectors C, A, H, V and, for the lens, O and R.
 ///
@@ -55,6 +60,7 @@ impl Cahvor {
         if a.dot(&h.cross(&v)).abs() < 0.1 * fx * fy {
             return Err(StereoError::FlatModel);
         }
+        check_place(&camera.center(), size, |p| camera.direction(p), |d| camera.seen(d))?;
         Ok(camera)
     }
 
@@ -96,14 +102,19 @@ impl Cahvor {
     }
 
     pub(crate) fn project(&self, point: &Point3<f64>) -> Option<Point2<f64>> {
-        let d = point.coords - self.c;
+        self.seen(&(point.coords - self.c))
+    }
+
+    /// The pixel at which what is at `d` from the center appears.
+    fn seen(&self, d: &Vector3<f64>) -> Option<Point2<f64>> {
         let along = d.dot(&self.o);
         if along.is_nan() || along <= 0.0 {
             return None;
         }
         let aside = d - self.o * along;
         let tau = aside.norm_squared() / (along * along);
-        if !self.holds(tau) {
+        // What a pixel at the very edge of the model sees is seen there, whatever the rounding.
+        if !self.holds(tau, TAU_MAX * (1.0 + 1e-6), 0.0) {
             return None;
         }
         let seen = d + aside * self.stretch(tau);
@@ -111,10 +122,13 @@ impl Cahvor {
         (alpha > 0.0).then(|| Point2::new(seen.dot(&self.h) / alpha, seen.dot(&self.v) / alpha))
     }
 
-    /// True up to the angle at which the lens model folds the image over.
-    fn holds(&self, tau: f64) -> bool {
-        // The growth has at most two roots in tau; going outward in a few steps finds the first.
-        tau <= 100.0 && (0..=16).all(|i| self.growth(tau * f64::from(i) / 16.0) > 0.0)
+    /// True up to the angle at which the lens model folds the image over: where the growth is above `least` from the
+    /// axis to there, and no farther than `tau_max`.
+    fn holds(&self, tau: f64, tau_max: f64, least: f64) -> bool {
+        // The growth is a parabola in tau: least at an end, or at its vertex.
+        let vertex = -0.3 * self.r[1] / self.r[2];
+        let places = [Some(0.0), Some(tau), Some(vertex).filter(|v| *v > 0.0 && *v < tau)];
+        tau <= tau_max && places.into_iter().flatten().all(|tau| self.growth(tau) > least)
     }
 
     pub(crate) fn direction(&self, pixel: &Point2<f64>) -> Option<Unit<Vector3<f64>>> {
@@ -141,13 +155,14 @@ impl Cahvor {
                 break;
             }
             let growth = self.growth(t * t);
-            if growth.abs() < 1e-9 {
+            if growth.abs() < GROWTH_MIN {
                 return None;
             }
             t -= miss / growth;
         }
         let miss = t * (1.0 + self.stretch(t * t)) - tangent;
-        if !(miss.abs() < 1e-9 && t > 0.0 && self.holds(t * t)) {
+        let is_solved = miss.abs() < 1e-12 * (1.0 + tangent) && t > 0.0;
+        if !(is_solved && self.holds(t * t, TAU_MAX, GROWTH_MIN)) {
             return None;
         }
         Some(Unit::new_normalize(self.o * along + aside * (t / tangent)))

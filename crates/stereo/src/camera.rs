@@ -158,3 +158,35 @@ pub(crate) fn unit(field: &str, v: &Vector3<f64>) -> Result<Vector3<f64>, Stereo
         Err(StereoError::NotAUnitVector { field: field.to_owned(), length })
     }
 }
+
+/// Largest error of a place in the image that comes of where the camera is (px).
+const PLACE_ERROR_MAX_PX: f64 = 2.5e-4;
+
+/// That a point 1 m before a camera can be told from its neighbors: the numbers that there are for it lie as far apart as
+/// its distance from the origin of the frame asks for, and the lens shows that gap as so many pixels.
+pub(crate) fn check_place(
+    center: &Point3<f64>,
+    size: ImageSize,
+    direction: impl Fn(&Point2<f64>) -> Option<Unit<Vector3<f64>>>,
+    seen: impl Fn(&Vector3<f64>) -> Option<Point2<f64>>,
+) -> Result<(), StereoError> {
+    const STEP_M: f64 = 1e-6;
+    let gap_m = f64::EPSILON * (1.0 + center.coords.amax());
+    let shares = [0.0, 0.25, 0.5, 0.75, 1.0];
+    let at = |share: f64, n: usize| share * (n - 1) as f64;
+    for (u, v) in shares.into_iter().flat_map(|v| shares.map(|u| (u, v))) {
+        let pixel = Point2::new(at(u, size.width), at(v, size.height));
+        let Some(d) = direction(&pixel).map(Unit::into_inner) else { continue };
+        let Some(here) = seen(&d) else { continue };
+        let there =
+            [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| seen(&(d + STEP_M * axis)));
+        let per_m: f64 =
+            there.into_iter().flatten().map(|there| (there - here).norm() / STEP_M).sum();
+        let error_px = 0.5 * gap_m * per_m;
+        if error_px > PLACE_ERROR_MAX_PX {
+            let distance_m = center.coords.norm();
+            return Err(StereoError::CameraTooFar { distance_m, error_px });
+        }
+    }
+    Ok(())
+}

@@ -84,6 +84,17 @@ pub enum StereoError {
     /// Vectors of a CAHV model from which no pixel has a ray.
     #[error("A, H and V lie in one plane: no pixel has a ray; check the model")]
     FlatModel,
+    /// A camera so far from its origin, with such a lens, that its pixels cannot be told apart.
+    #[error(
+        "the camera is {distance_m:.0} m from the origin of its frame, where a point 1 m before it is off by {error_px:.1e} \
+         px in its image for want of digits: give its place from a nearer origin, or check focal length and lens"
+    )]
+    CameraTooFar {
+        /// Distance of its center from the origin (m).
+        distance_m: f64,
+        /// What rounding a point does in the image (px).
+        error_px: f64,
+    },
     /// A calibration file that misses a value.
     #[error("the {format} calibration has no {field}: {hint}")]
     Missing {

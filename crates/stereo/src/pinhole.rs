@@ -3,6 +3,7 @@
 use nalgebra::{Isometry3, Matrix2, Point2, Point3, Unit, Vector2, Vector3};
 
 use crate::StereoError;
+use crate::camera::check_place;
 use crate::image::ImageSize;
 
 /// Coefficients of Brown's distortion in the order of OpenCV.
@@ -101,7 +102,7 @@ impl Brown {
             p -= step;
         }
         let miss = (self.distorted(&p) - seen).norm();
-        (miss < 1e-9 && p.norm_squared() <= limit).then_some(p)
+        (miss < 1e-10 && p.norm_squared() <= limit).then_some(p)
     }
 }
 
@@ -142,7 +143,10 @@ impl Pinhole {
             return Err(StereoError::PrincipalPoint { cx, cy, size });
         }
         let limit = distortion.limit();
-        Ok(Pinhole { size, focal, principal, distortion, frame_from_camera, limit })
+        let camera = Pinhole { size, focal, principal, distortion, frame_from_camera, limit };
+        let center = frame_from_camera.translation.vector.into();
+        check_place(&center, size, |p| camera.direction(p), |d| camera.seen(d))?;
+        Ok(camera)
     }
 
     /// Width and height of its images.
@@ -171,7 +175,12 @@ impl Pinhole {
     }
 
     pub(crate) fn project(&self, point: &Point3<f64>) -> Option<Point2<f64>> {
-        let p = self.frame_from_camera.inverse_transform_point(point);
+        self.seen(&(point.coords - self.frame_from_camera.translation.vector))
+    }
+
+    /// The pixel at which what is at `d` from the center, in the frame, appears.
+    fn seen(&self, d: &Vector3<f64>) -> Option<Point2<f64>> {
+        let p = self.frame_from_camera.rotation.inverse_transform_vector(d);
         if p.z.is_nan() || p.z <= 0.0 {
             return None;
         }

@@ -284,6 +284,19 @@ pub enum TerrainError {
         /// The same of the map.
         map: [f64; 4],
     },
+    /// A picture in another reference system than the map's.
+    #[error(
+        "the picture is in the reference system {picture:?} and the map in {map:?}, which differ in GeoKey {key}: project it \
+         to that of the map, with gdalwarp for example"
+    )]
+    PictureOtherSystem {
+        /// Name of the picture's.
+        picture: String,
+        /// Name of the map's.
+        map: String,
+        /// The first key in which they differ.
+        key: u16,
+    },
     /// A sample type we do not read as heights.
     #[error(
         "geotiff samples are {sample_type}: convert the heights to float32, float64 or int16 \

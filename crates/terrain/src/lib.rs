@@ -17,11 +17,13 @@ pub mod formats;
 pub mod fusion;
 mod map;
 mod plane;
+mod reference_system;
 pub mod synthetic;
 pub mod traversability;
 
 pub use error::TerrainError;
 pub use map::{
-    ElevationMap, FootprintPlane, MAX_NODES, PLANE_HALF_EXTENT_M, PLANE_RESOLUTION_M, Source,
-    SourceKind,
+    ElevationMap, FootprintPlane, MAX_NODES, PLANE_HALF_EXTENT_M, PLANE_RESOLUTION_M, Placement,
+    Source, SourceKind,
 };
+pub use reference_system::ReferenceSystem;

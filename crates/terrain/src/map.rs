@@ -5,8 +5,8 @@ use std::sync::{Arc, OnceLock};
 use geometry::{Grid, MaxPyramid, Raster};
 use nalgebra::{Point2, Unit, Vector3};
 
-use crate::TerrainError;
 use crate::plane::{Moments, normal_of};
+use crate::{ReferenceSystem, TerrainError};
 
 /// Largest number of nodes of a map, where nothing smaller is asked for.
 pub const MAX_NODES: usize = 64_000_000;
@@ -88,7 +88,16 @@ pub struct FootprintPlane {
 pub struct ElevationMap {
     ground: Arc<Ground>,
     source: Source,
-    frame_offset: Vector3<f64>,
+    placement: Placement,
+}
+
+/// Where a map's local frame lies in the coordinates of its source.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Placement {
+    /// What to add to local coordinates to get those of the source (m).
+    pub offset: Vector3<f64>,
+    /// What the coordinates of the source are; none where the source does not say.
+    pub system: Option<Arc<ReferenceSystem>>,
 }
 
 #[derive(Debug)]
@@ -110,7 +119,7 @@ impl ElevationMap {
         let pyramid = MaxPyramid::new(&heights);
         let ground =
             Arc::new(Ground { heights, pyramid, holes: OnceLock::new(), version: OnceLock::new() });
-        ElevationMap { ground, source, frame_offset: Vector3::zeros() }
+        ElevationMap { ground, source, placement: Placement::default() }
     }
 
     /// The flat plane z = 0 around the origin; both lengths in meters.
@@ -125,8 +134,14 @@ impl ElevationMap {
     }
 
     /// The same heights with another offset to the source's coordinates (m).
-    pub fn with_frame_offset(self, frame_offset: Vector3<f64>) -> ElevationMap {
-        ElevationMap { frame_offset, ..self }
+    pub fn with_frame_offset(self, offset: Vector3<f64>) -> ElevationMap {
+        let placement = Placement { offset, ..self.placement };
+        ElevationMap { placement, ..self }
+    }
+
+    /// The same heights in a frame that lies so in the coordinates of a source.
+    pub fn with_placement(self, placement: Placement) -> ElevationMap {
+        ElevationMap { placement, ..self }
     }
 
     /// Where the nodes lie.
@@ -165,7 +180,12 @@ impl ElevationMap {
     /// What to add to local coordinates to get those of the source (m). Zero unless the source's
     /// origin was far away or the map was moved.
     pub fn frame_offset(&self) -> Vector3<f64> {
-        self.frame_offset
+        self.placement.offset
+    }
+
+    /// Where its frame lies in the coordinates of the source, and what those are.
+    pub fn placement(&self) -> &Placement {
+        &self.placement
     }
 
     /// Height of the triangulated surface (m); `None` outside the map and where it is unknown.
@@ -264,7 +284,7 @@ impl ElevationMap {
         grid.origin += shift.xy();
         let moved = |z: &f32| (f64::from(*z) + shift.z) as f32;
         let values = self.heights().values().iter().map(moved).collect();
-        self.derived(grid, values).with_frame_offset(self.frame_offset - shift)
+        self.derived(grid, values).with_frame_offset(self.placement.offset - shift)
     }
 
     /// The nodes inside the square of side `width_m` (m) around `center`.
@@ -289,7 +309,7 @@ impl ElevationMap {
         let grid = Grid { origin, nx: xs.len(), ny: ys.len(), ..*self.grid() };
         let row = |iy: usize| &self.heights().values()[iy * self.grid().nx..][xs.clone()];
         let values = ys.flat_map(row).copied().collect();
-        Ok(self.derived(grid, values).with_frame_offset(self.frame_offset))
+        Ok(self.derived(grid, values))
     }
 
     /// The surface sampled every `resolution_m` (m) from the same first node; unknown stays
@@ -299,7 +319,7 @@ impl ElevationMap {
         let heights = Raster::from_fn(grid, |ix, iy| {
             self.height_at(grid.position(ix, iy)).map_or(f32::NAN, |z| z as f32)
         });
-        Ok(ElevationMap::new(heights, self.source.clone()).with_frame_offset(self.frame_offset))
+        Ok(ElevationMap::new(heights, self.source.clone()).with_placement(self.placement.clone()))
     }
 
     /// The grid of [`Self::resampled`].
@@ -333,10 +353,10 @@ impl ElevationMap {
         })
     }
 
-    /// A map of other heights of the same source, offset zero.
+    /// A map of other heights of the same source in the same frame.
     fn derived(&self, grid: Grid, values: Vec<f32>) -> ElevationMap {
         let heights = Raster::new(grid, values).expect("one height per node of the grid");
-        ElevationMap::new(heights, self.source.clone())
+        ElevationMap::new(heights, self.source.clone()).with_placement(self.placement.clone())
     }
 }
 

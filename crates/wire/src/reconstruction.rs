@@ -316,6 +316,19 @@ pub enum MapStep {
     Selected {},
     /// Ground was set to where wheels stand.
     Contact(ContactStep),
+    /// It was made again from the log of an earlier session.
+    Restored {
+        /// That log.
+        log: String,
+    },
+}
+
+/// Makes the map that cameras had made in an earlier session again: `POST /terrain/restore`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RestoreRequest {
+    /// The log of that session (`GET /logs` lists them).
+    pub log: String,
 }
 
 /// Wheels that were put down since the map was last told of them.

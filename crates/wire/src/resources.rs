@@ -138,6 +138,9 @@ pub struct TerrainVersion {
     pub known_share: f64,
     /// Source coordinates = local coordinates + this (m).
     pub frame_offset_m: [f64; 3],
+    /// Name of the reference system of the source coordinates; none where the source names none: a local frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference_system: Option<String>,
     /// Tiles along x and y, 256 cells each.
     pub tiles: [usize; 2],
     /// Zoom levels: at level z nodes are 2^z times as far apart; the last is a single tile.

@@ -28,6 +28,11 @@ impl Ground {
         &self.images
     }
 
+    /// Takes in the images of a capture of an earlier session; false if there is no room, or it is known.
+    pub fn bring_back_images(&mut self, capture: &str, images: Vec<Arc<ReceivedImage>>) -> bool {
+        self.images.bring_back(capture, images)
+    }
+
     /// Gives up the images of a capture that are not here yet, on board, too; false if there are none.
     pub fn let_images_go(&mut self, now: Timestamp, who: &str, capture: &str) -> bool {
         let now = self.tick(now);

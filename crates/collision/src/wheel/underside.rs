@@ -90,13 +90,26 @@ impl Underside {
         }
     }
 
+    /// How far aside squares whose ground is nowhere above `top` (m) may have a [bound](Self::over_row) of less
+    /// than `gap` (m).
+    pub fn aside_of(&self, top: f64, gap: f64) -> f64 {
+        let Some(level) = &self.level else { return self.radius };
+        let wide = self.half_side * (level.along.x.abs() + level.along.y.abs());
+        let lowest = self.center.z
+            - level.rise.abs() * (2.0 * wide + level.reach)
+            - self.radius * level.steep;
+        let spare = (gap - (lowest - top)).max(0.0);
+        let within = (2.0 * spare * self.radius / level.steep).sqrt() + 1e-9;
+        within.min(self.radius)
+    }
+
     /// First column of a row of squares, of which the first one begins at `corner`, and the one after the
-    /// last one that may lie below the wheel.
-    pub fn columns(&self, corner: Point2<f64>) -> (f64, f64) {
+    /// last one that may lie below the wheel and within `beside` (m) of its middle plane's line.
+    pub fn columns(&self, corner: Point2<f64>, beside: f64) -> (f64, f64) {
         let Some(level) = &self.level else { return (0.0, f64::INFINITY) };
         let (start, side) = (corner - self.center.xy(), 2.0 * self.half_side);
         let (mut from, mut to) = (f64::NEG_INFINITY, f64::INFINITY);
-        for (way, reach) in [(&level.along, level.reach), (&level.aside, self.radius)] {
+        for (way, reach) in [(&level.along, level.reach), (&level.aside, beside)] {
             if way.x.abs() > 1e-9 {
                 // Where the middle of the row, and what it is wide, comes within reach.
                 let middle = -way.y * (start.y + self.half_side) / way.x - start.x;

@@ -253,7 +253,8 @@ fn a_wheel_that_sits_on_the_ground_is_answered_as_by_a_look() {
             let allowance = Allowance { zone: Some(&zone), buffered: false };
             for q in footing.angles(orientation, &seat, 0.0).unwrap_or_default() {
                 let expected = checker.violation_at(&q, allowance).is_some();
-                let found = follower.touch_seated(&checker.chain().frames(&q), &zone).is_some();
+                let found =
+                    follower.touch_standing(&checker.chain().frames(&q), &zone, true).is_some();
                 assert_eq!(found, expected, "{p} {q:?} {:?}", checker.violation_at(&q, allowance));
                 *(if expected { &mut touching } else { &mut free }) += 1;
             }

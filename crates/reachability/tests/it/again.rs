@@ -2,9 +2,11 @@
 
 use collision::Scene;
 use geometry::Raster;
-use nalgebra::Point2;
+use nalgebra::{Point2, UnitQuaternion, Vector2};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use reachability::{Area, CellClass, ReachGrid, ReachOptions, reach, reach_again};
-use rover::LegId;
+use rover::{LegId, Posture};
 use terrain::{ElevationMap, Source};
 
 use crate::scenes::{athlete, boulders, seated};
@@ -47,6 +49,38 @@ fn what_is_brought_up_to_date_is_what_is_found_anew() {
         n_changed += usize::from(bits(&first) != bits(&anew));
     }
     assert!(n_changed >= 3);
+}
+
+/// Towers up to the thigh, anywhere about the leg, the base level and tilted.
+#[test]
+fn wherever_a_tower_rises_what_is_brought_up_to_date_is_what_is_found_anew() {
+    let before = Scene::new(athlete(), boulders(10), &[]).unwrap();
+    let options = ReachOptions { resolution: 0.1, workers: 2, ..Default::default() };
+    let mut rng = ChaCha8Rng::seed_from_u64(21);
+    let mut n_changed = 0;
+    for (leg, tilt) in [(LegId(0), 0.0), (LegId(2), 0.12)] {
+        let mut start = seated(&before);
+        let turn = UnitQuaternion::from_euler_angles(tilt, -tilt, 0.0);
+        start.world_from_base.rotation = turn * start.world_from_base.rotation;
+        let of = |scene: &Scene| reach(scene, &start, 1.62, leg, &options, &|| false).unwrap();
+        let first = of(&before);
+        let posture = Posture::new(before.robot(), &start);
+        let hip = posture.link(before.robot().leg(leg).links[0]);
+        for _ in 0..14 {
+            let (way, turn) = (rng.random_range(0.2..2.6_f64), rng.random_range(-3.2..3.2_f64));
+            let min = Point2::from(hip.translation.vector.xy())
+                + Vector2::new(turn.cos(), turn.sin()) * way;
+            let area = Area { min, max: min + Vector2::new(0.25, 0.15) };
+            let by = rng.random_range(0.1..1.2);
+            let after = Scene::new(athlete(), raised(before.map(), &area, by), &[]).unwrap();
+            let anew = of(&after);
+            let again =
+                reach_again(&first, &area, &after, &start, 1.62, leg, &options, &|| false).unwrap();
+            assert_eq!(bits(&again), bits(&anew), "{leg:?} {min} by {by}");
+            n_changed += usize::from(bits(&first) != bits(&anew));
+        }
+    }
+    assert!(n_changed >= 14, "{n_changed}");
 }
 
 #[test]

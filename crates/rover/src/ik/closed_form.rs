@@ -36,11 +36,30 @@ const ROUNDING: f64 = 1e-12;
 /// Sine of the wrist's bend below which joints 4 and 6 turn about the same axis.
 const SINGULAR: f64 = 1e-9;
 
+/// Joints turned by more than this from other angles belong to other branches, nearly always (rad).
+const NEAR: f64 = 0.5;
+
 /// Which solutions are asked for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Wanted {
+#[derive(Clone, Copy)]
+enum Wanted<'w> {
     All,
-    WithinLimits,
+    WithinLimits(&'w Leg),
+    /// Within the limits, each joint within an angle (rad) of others.
+    Near(&'w Leg, &'w LegAngles, f64),
+}
+
+impl Wanted<'_> {
+    /// Is an angle of a joint, in (-π, π], one that is asked for?
+    #[inline]
+    fn holds(&self, joint: usize, q: f64) -> bool {
+        match self {
+            Wanted::All => true,
+            Wanted::WithinLimits(leg) => fitted(leg, joint, q).is_some(),
+            Wanted::Near(leg, to, angle) => {
+                fitted(leg, joint, q).is_some_and(|q| (q - to[joint]).abs() <= *angle)
+            }
+        }
+    }
 }
 
 /// The closed form of one leg.
@@ -199,7 +218,7 @@ impl LegIk {
         leg: &Leg,
         base_from_wheel: &Frame,
     ) -> Result<IkSolutions, NoSolution> {
-        self.solve_frame(leg, base_from_wheel, Wanted::WithinLimits)
+        self.solve_frame(leg, base_from_wheel, Wanted::WithinLimits(leg))
     }
 
     fn solve_frame(
@@ -208,14 +227,13 @@ impl LegIk {
         base_from_wheel: &Frame,
         wanted: Wanted,
     ) -> Result<IkSolutions, NoSolution> {
-        let all = wanted == Wanted::All;
+        let all = matches!(wanted, Wanted::All);
         let axes = self.axes(base_from_wheel);
         let mut solutions = IkSolutions::new();
-        let within = Some(leg).filter(|_| !all);
-        for arm in self.arms(&base_from_wheel.point(&self.wheel_from_wrist), within)? {
+        for arm in &self.arms(&base_from_wheel.point(&self.wheel_from_wrist), wanted)? {
             let placed = arm.placed(leg);
             if all || placed.within_limits {
-                let both = self.both_wrists(leg, &arm, &placed, &axes);
+                let both = self.both_wrists(leg, arm, &placed, &axes, wanted);
                 solutions.extend(both.into_iter().filter(|s| all || s.within_limits));
             }
         }
@@ -229,23 +247,73 @@ impl LegIk {
         leg: &Leg,
         base_from_wheel: &Frame,
         to: &LegAngles,
-    ) -> Option<LegAngles> {
+    ) -> Option<IkSolution> {
         let axes = self.axes(base_from_wheel);
-        let (mut nearest, mut least) = (None, f64::INFINITY);
-        for arm in self.arms(&base_from_wheel.point(&self.wheel_from_wrist), Some(leg)).ok()? {
-            let placed = arm.placed(leg);
-            let so_far = (0..3).map(|i| (placed.angles[i] - to[i]).abs()).fold(0.0, f64::max);
-            if !placed.within_limits || so_far >= least {
-                continue;
-            }
-            for solution in self.both_wrists(leg, &arm, &placed, &axes) {
-                let from = (solution.angles - to).amax();
-                if solution.within_limits && from < least {
-                    (nearest, least) = (Some(solution.angles), from);
+        let wrist = base_from_wheel.point(&self.wheel_from_wrist);
+        // What is near has nothing nearer among what is not.
+        for angle in [NEAR, f64::INFINITY] {
+            let wanted = Wanted::Near(leg, to, angle);
+            let (mut nearest, mut least) = (None, f64::INFINITY);
+            for arm in &self.arms(&wrist, wanted).ok()? {
+                let placed = arm.placed(leg);
+                for solution in self.both_wrists(leg, arm, &placed, &axes, wanted) {
+                    let from = (solution.angles - to).amax();
+                    if solution.within_limits && from < least {
+                        (nearest, least) = (Some(solution), from);
+                    }
                 }
             }
+            if nearest.is_some() && least <= angle {
+                return nearest;
+            }
         }
-        nearest
+        None
+    }
+
+    /// As [`solve_nearest`](Self::solve_nearest) where the nearest solution is of a `branch` and surely the only
+    /// one that is near; `None` is no answer.
+    ///
+    /// Two branches differ by twice the bend of the knee, or of the wrist, or by the angle between both yaws: while
+    /// that is more than twice as much as this one differs by, all others differ by more.
+    pub fn solve_branch(
+        &self,
+        leg: &Leg,
+        base_from_wheel: &Frame,
+        to: &LegAngles,
+        branch: Branch,
+    ) -> Option<IkSolution> {
+        let from_hip = self.from_hip(&base_from_wheel.point(&self.wheel_from_wrist));
+        let radius_squared = from_hip.x * from_hip.x + from_hip.y * from_hip.y;
+        let offset_squared = self.offset * self.offset;
+        let forward_squared = radius_squared - offset_squared;
+        // Nothing is known of what is not a number.
+        if !(forward_squared > 1e-24 && radius_squared >= 1e-24) {
+            return None;
+        }
+        let forward = forward_squared.sqrt();
+        let f = if branch.outward { forward } else { -forward };
+        let yaw = self.yaw(&from_hip, f, radius_squared);
+        let (x, w) = (f - self.shoulder.x, from_hip.z - self.shoulder.z);
+        let bent = self.bent(x, w).ok()?;
+        let knee = self.knee(&bent, branch.knee_flipped, Wanted::WithinLimits(leg))?;
+        let arm = Arm::new(&yaw, knee, branch.outward);
+        let placed = arm.placed(leg);
+        let [axis_5, axis_6] = self.axes(base_from_wheel);
+        let direction = self.wrist_from_plane * arm.unturn(&axis_6);
+        let fork = self.fork(&direction);
+        let bend = fork.bend(&direction);
+        let q6 = self.last_joint(&arm, &axis_5, &direction, &bend);
+        let wrist = if branch.wrist_flipped {
+            [opposite(bend.q4), fork.q5[1]?, opposite(q6)]
+        } else {
+            [bend.q4, fork.q5[0]?, q6]
+        };
+        let solution = placed.with_wrist(leg, branch.wrist_flipped, wrist);
+        // The sine of an angle is no more than the angle, and the cosine no less than one less half its square.
+        let from = (solution.angles - to).amax() + LIMIT_SLACK;
+        let is_only = from < bent.sine.min(fork.sine)
+            && offset_squared - forward_squared < (1.0 - 2.0 * from * from) * radius_squared;
+        (solution.within_limits && is_only).then_some(solution)
     }
 
     /// Axes 5 and 6 of a wheel in the plane's basis.
@@ -254,27 +322,48 @@ impl LegIk {
         [turned * self.axis_5_in_wheel, turned * self.axis_6_in_wheel]
     }
 
-    /// Both wrist branches of an arm; one where the wrist is singular.
+    /// Both wrist branches of an arm; one where the wrist is singular. Some that are not wanted are left out.
+    #[inline]
     fn both_wrists(
         &self,
         leg: &Leg,
         arm: &Arm,
         placed: &IkSolution,
         [axis_5, axis_6]: &[Vector3<f64>; 2],
+        wanted: Wanted,
     ) -> ArrayVec<IkSolution, 2> {
-        let direction = self.wrist_from_plane * arm.unturn(axis_6);
-        let bend = self.bend(&direction);
-        // Axis 5 and axis 6 × axis 5 where joints 4 and 5 turn them.
-        let axle = Vector3::new(0.0, -bend.sin_4, bend.cos_4);
-        let wanted = self.wrist_from_plane * arm.unturn(axis_5);
-        let q6 = atan2(wanted.dot(&direction.cross(&axle)), wanted.dot(&axle));
         let mut both = ArrayVec::new();
-        both.push(placed.with_wrist(leg, false, [bend.q4, bend.q5, q6]));
-        if let Some(q5) = bend.q5_flipped {
+        let direction = self.wrist_from_plane * arm.unturn(axis_6);
+        let mut fork = self.fork(&direction);
+        fork.q5 = fork.q5.map(|q5| q5.filter(|q5| wanted.holds(4, *q5)));
+        if fork.q5 == [None, None] {
+            return both;
+        }
+        let bend = fork.bend(&direction);
+        let q6 = self.last_joint(arm, axis_5, &direction, &bend);
+        if let Some(q5) = fork.q5[0] {
+            both.push(placed.with_wrist(leg, false, [bend.q4, q5, q6]));
+        }
+        if let Some(q5) = fork.q5[1] {
             let (q4, q6) = (opposite(bend.q4), opposite(q6));
             both.push(placed.with_wrist(leg, true, [q4, q5, q6]));
         }
         both
+    }
+
+    /// Joint 6 of the first wrist branch, for a direction of axis 5 in the plane's basis.
+    #[inline]
+    fn last_joint(
+        &self,
+        arm: &Arm,
+        axis_5: &Vector3<f64>,
+        direction: &Vector3<f64>,
+        bend: &Bend,
+    ) -> f64 {
+        // Axis 5 and axis 6 × axis 5 where joints 4 and 5 turn them.
+        let axle = Vector3::new(0.0, -bend.sin_4, bend.cos_4);
+        let wanted = self.wrist_from_plane * arm.unturn(axis_5);
+        atan2(wanted.dot(&direction.cross(&axle)), wanted.dot(&axle))
     }
 
     /// Where the wrist is in the wheel's frame.
@@ -312,6 +401,35 @@ impl LegIk {
         self.overreach(square(forward)).min(self.overreach(square(-forward)))
     }
 
+    /// As [`missed_from_hip`](Self::missed_from_hip) for many wrists by their coordinates: the same without
+    /// branches, so that several are found at once.
+    #[inline]
+    pub fn misses_from_hip<const N: usize>(
+        &self,
+        [xs, ys, zs]: &[[f64; N]; 3],
+        misses: &mut [f64; N],
+    ) {
+        let (l1, l2) = (self.thigh, self.calf);
+        let (longest, shortest) = (1.0 + ROUNDING, (l1 - l2).abs());
+        let overreach = |square: f64| {
+            let cosine = (square - l1 * l1 - l2 * l2) / (2.0 * l1 * l2);
+            let distance = square.sqrt();
+            let missed = if cosine > 0.0 { distance - l1 - l2 } else { shortest - distance };
+            if cosine.abs() <= longest { 0.0 } else { missed }
+        };
+        for (((missed, x), y), z) in misses.iter_mut().zip(xs).zip(ys).zip(zs) {
+            let radius_squared = x * x + y * y;
+            let forward_squared = radius_squared - self.offset * self.offset;
+            let forward = forward_squared.sqrt();
+            let w = z - self.shoulder.z;
+            let square = |f: f64| (f - self.shoulder.x) * (f - self.shoulder.x) + w * w;
+            let (ahead, behind) = (overreach(square(forward)), overreach(square(-forward)));
+            let least = if behind < ahead { behind } else { ahead };
+            let beside = self.offset.abs() - radius_squared.sqrt();
+            *missed = if forward_squared < 0.0 { beside } else { least };
+        }
+    }
+
     /// How far a wrist is beyond the reach of thigh and calf (m), from the square of its distance.
     #[inline]
     fn overreach(&self, square: f64) -> f64 {
@@ -339,24 +457,22 @@ impl LegIk {
         let axis_6 = self.plane_from_base * axis.into_inner();
         let q6 = 0.0_f64.clamp(leg.lower[5], leg.upper[5]);
         let mut solutions = IkSolutions::new();
-        for arm in self.arms(&wrist, None)? {
+        for arm in self.arms(&wrist, Wanted::All)? {
             let placed = arm.placed(leg);
-            let bend = self.bend(&(self.wrist_from_plane * arm.unturn(&axis_6)));
-            solutions.push(placed.with_wrist(leg, false, [bend.q4, bend.q5, q6]));
-            if let Some(q5) = bend.q5_flipped {
+            let direction = self.wrist_from_plane * arm.unturn(&axis_6);
+            let fork = self.fork(&direction);
+            let bend = fork.bend(&direction);
+            solutions.extend(fork.q5[0].map(|q5| placed.with_wrist(leg, false, [bend.q4, q5, q6])));
+            if let Some(q5) = fork.q5[1] {
                 solutions.push(placed.with_wrist(leg, true, [opposite(bend.q4), q5, q6]));
             }
         }
         Ok(solutions)
     }
 
-    /// Hip and knee angles that bring the wrist to a point; those whose yaw or knee is beyond the limits
-    /// of `within` are left out.
-    fn arms(
-        &self,
-        wrist: &Point3<f64>,
-        within: Option<&Leg>,
-    ) -> Result<ArrayVec<Arm, 4>, NoSolution> {
+    /// Hip and knee angles that bring the wrist to a point; those that are not wanted are left out.
+    #[inline]
+    fn arms(&self, wrist: &Point3<f64>, wanted: Wanted) -> Result<ArrayVec<Arm, 4>, NoSolution> {
         let from_hip = self.plane_from_base * (wrist - self.hip);
         let radius_squared = from_hip.x * from_hip.x + from_hip.y * from_hip.y;
         let forward_squared = radius_squared - self.offset * self.offset;
@@ -374,30 +490,18 @@ impl LegIk {
             let yaw = if radius_squared < 1e-24 {
                 Turn::of(0.0)
             } else {
-                Turn::from_cos_sin(
-                    (from_hip.x * f + from_hip.y * self.offset) / radius_squared,
-                    (from_hip.y * f - from_hip.x * self.offset) / radius_squared,
-                )
+                self.yaw(&from_hip, f, radius_squared)
             };
             let x = f - self.shoulder.x;
-            if within.is_some_and(|leg| fitted(leg, 0, yaw.angle).is_none()) {
+            if !wanted.holds(0, yaw.angle) {
                 nearest = nearest.min(self.overreach(x * x + height * height));
                 is_reached |= nearest <= 0.0;
                 continue;
             }
-            match self.knees(x, height, within) {
+            match self.knees(x, height, wanted) {
                 Ok(knees) => {
                     is_reached = true;
-                    arms.extend(knees.into_iter().map(|knee| Arm {
-                        branch: Branch {
-                            outward: side > 0.0,
-                            knee_flipped: knee.flipped,
-                            wrist_flipped: false,
-                        },
-                        angles: [yaw.angle, knee.hip_pitch, knee.knee_pitch],
-                        yaw: (yaw.cos, yaw.sin),
-                        pitch: knee.pitch,
-                    }));
+                    arms.extend(knees.into_iter().map(|knee| Arm::new(&yaw, knee, side > 0.0)));
                 }
                 Err(distance) => nearest = nearest.min(distance),
             }
@@ -408,9 +512,31 @@ impl LegIk {
         Ok(arms)
     }
 
-    /// The two-link problem in the leg's plane, without knees beyond the limits of `within`; the error is
-    /// the distance missed (m).
-    fn knees(&self, x: f64, w: f64, within: Option<&Leg>) -> Result<ArrayVec<Knee, 2>, f64> {
+    /// Joint 1 where the wrist lies `f` (m) before axis 1.
+    #[inline]
+    fn yaw(&self, from_hip: &Vector3<f64>, f: f64, radius_squared: f64) -> Turn {
+        Turn::from_cos_sin(
+            (from_hip.x * f + from_hip.y * self.offset) / radius_squared,
+            (from_hip.y * f - from_hip.x * self.offset) / radius_squared,
+        )
+    }
+
+    /// The two-link problem in the leg's plane, without what is not wanted; the error is the distance
+    /// missed (m).
+    #[inline]
+    fn knees(&self, x: f64, w: f64, wanted: Wanted) -> Result<ArrayVec<Knee, 2>, f64> {
+        let bent = self.bent(x, w)?;
+        let mut knees = ArrayVec::new();
+        knees.extend(self.knee(&bent, false, wanted));
+        if bent.sine >= 1e-12 {
+            knees.extend(self.knee(&bent, true, wanted));
+        }
+        Ok(knees)
+    }
+
+    /// How far the knee is bent where the wrist is at a place of the plane; the error is the distance missed (m).
+    #[inline]
+    fn bent(&self, x: f64, w: f64) -> Result<Bent, f64> {
         let (l1, l2) = (self.thigh, self.calf);
         let square = x * x + w * w;
         let cosine = (square - l1 * l1 - l2 * l2) / (2.0 * l1 * l2);
@@ -418,50 +544,58 @@ impl LegIk {
             return Err(self.overreach(square));
         }
         let cosine = cosine.clamp(-1.0, 1.0);
-        let bend = cosine.acos();
         let sine = ((1.0 - cosine) * (1.0 + cosine)).sqrt();
-        let knee = |flipped: bool| {
-            let (bend, sine) = if flipped { (-bend, -sine) } else { (bend, sine) };
-            let (thigh, zero) = (&self.thigh_direction, &self.knee_zero);
-            let knee_pitch = wrapped(wrapped(bend + zero.angle) * self.axis_3_sign);
-            if within.is_some_and(|leg| fitted(leg, 2, knee_pitch).is_none()) {
-                return None;
-            }
-            // Where thigh and calf lead at hip pitch zero.
-            let x0 = l1 * thigh.cos + l2 * (thigh.cos * cosine - thigh.sin * sine);
-            let w0 = l1 * thigh.sin + l2 * (thigh.sin * cosine + thigh.cos * sine);
-            let hip = if square > 0.0 {
-                Turn::from_cos_sin((x * x0 + w * w0) / square, (w * x0 - x * w0) / square)
-            } else {
-                Turn::of(0.0)
-            };
-            let (ck, sk) =
-                (zero.cos * cosine - zero.sin * sine, zero.sin * cosine + zero.cos * sine);
-            let pitch = (hip.cos * ck - hip.sin * sk, hip.sin * ck + hip.cos * sk);
-            Some(Knee { flipped, hip_pitch: hip.angle, knee_pitch, pitch })
-        };
-        let mut knees = ArrayVec::new();
-        knees.extend(knee(false));
-        if sine >= 1e-12 {
-            knees.extend(knee(true));
-        }
-        Ok(knees)
+        Ok(Bent { x, w, square, bend: cosine.acos(), cosine, sine })
     }
 
-    /// Joints 4 and 5 that turn axis 6 into `direction` (in the wrist's basis).
-    fn bend(&self, direction: &Vector3<f64>) -> Bend {
+    /// One branch of a bent knee, if it is wanted.
+    #[inline]
+    fn knee(&self, bent: &Bent, flipped: bool, wanted: Wanted) -> Option<Knee> {
+        let (l1, l2) = (self.thigh, self.calf);
+        let Bent { x, w, square, cosine, .. } = *bent;
+        let (bend, sine) = if flipped { (-bent.bend, -bent.sine) } else { (bent.bend, bent.sine) };
+        let (thigh, zero) = (&self.thigh_direction, &self.knee_zero);
+        let knee_pitch = wrapped(wrapped(bend + zero.angle) * self.axis_3_sign);
+        if !wanted.holds(2, knee_pitch) {
+            return None;
+        }
+        // Where thigh and calf lead at hip pitch zero.
+        let x0 = l1 * thigh.cos + l2 * (thigh.cos * cosine - thigh.sin * sine);
+        let w0 = l1 * thigh.sin + l2 * (thigh.sin * cosine + thigh.cos * sine);
+        let hip = if square > 0.0 {
+            Turn::from_cos_sin((x * x0 + w * w0) / square, (w * x0 - x * w0) / square)
+        } else {
+            Turn::of(0.0)
+        };
+        if !wanted.holds(1, hip.angle) {
+            return None;
+        }
+        let (ck, sk) = (zero.cos * cosine - zero.sin * sine, zero.sin * cosine + zero.cos * sine);
+        let pitch = (hip.cos * ck - hip.sin * sk, hip.sin * ck + hip.cos * sk);
+        Some(Knee { flipped, hip_pitch: hip.angle, knee_pitch, pitch })
+    }
+
+    /// Joint 5 of both branches that turn axis 6 into `direction` (in the wrist's basis).
+    fn fork(&self, direction: &Vector3<f64>) -> Fork {
         let sine = (direction.y * direction.y + direction.z * direction.z).sqrt();
         let bend = sine.atan2(direction.x);
-        let q5 = wrapped(bend - self.wrist_zero);
+        let first = Some(wrapped(bend - self.wrist_zero));
+        let second = (sine >= SINGULAR).then(|| wrapped(-bend - self.wrist_zero));
+        Fork { sine, q5: [first, second] }
+    }
+}
+
+impl Fork {
+    /// Joint 4 of the first branch.
+    fn bend(&self, direction: &Vector3<f64>) -> Bend {
+        let sine = self.sine;
         if sine < SINGULAR {
-            return Bend { q4: 0.0, cos_4: 1.0, sin_4: 0.0, q5, q5_flipped: None };
+            return Bend { q4: 0.0, cos_4: 1.0, sin_4: 0.0 };
         }
         Bend {
             q4: atan2(direction.z, direction.y),
             cos_4: direction.y / sine,
             sin_4: direction.z / sine,
-            q5,
-            q5_flipped: Some(wrapped(-bend - self.wrist_zero)),
         }
     }
 }
@@ -475,14 +609,28 @@ fn opposite(angle: f64) -> f64 {
     if angle > 0.0 { angle - PI } else { angle + PI }
 }
 
-/// Joints 4 and 5.
+/// Sine of the wrist's bend, and joint 5 of both branches; one where the wrist is singular.
+struct Fork {
+    sine: f64,
+    q5: [Option<f64>; 2],
+}
+
+/// Joint 4 of the first branch.
 struct Bend {
     q4: f64,
     cos_4: f64,
     sin_4: f64,
-    q5: f64,
-    /// Joint 5 of the second branch; none where the wrist is singular.
-    q5_flipped: Option<f64>,
+}
+
+/// A place of the wrist in the leg's plane (m), the square of its distance from axis 2, and how far the knee is
+/// bent for it.
+struct Bent {
+    x: f64,
+    w: f64,
+    square: f64,
+    bend: f64,
+    cosine: f64,
+    sine: f64,
 }
 
 /// One solution of the two-link problem, with cosine and sine of the sum of both turns.
@@ -502,6 +650,16 @@ struct Arm {
 }
 
 impl Arm {
+    #[inline]
+    fn new(yaw: &Turn, knee: Knee, outward: bool) -> Arm {
+        Arm {
+            branch: Branch { outward, knee_flipped: knee.flipped, wrist_flipped: false },
+            angles: [yaw.angle, knee.hip_pitch, knee.knee_pitch],
+            yaw: (yaw.cos, yaw.sin),
+            pitch: knee.pitch,
+        }
+    }
+
     /// A direction in the plane's basis with the turns of joints 1 to 3 undone.
     fn unturn(&self, v: &Vector3<f64>) -> Vector3<f64> {
         let ((c1, s1), (c2, s2)) = (self.yaw, self.pitch);

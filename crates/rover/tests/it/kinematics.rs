@@ -6,7 +6,7 @@ use geometry::wrap_to_pi;
 use nalgebra::{Isometry3, Point3, Unit, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rover::{Configuration, Frame, LegAngles, LegId, Posture, Robot};
+use rover::{Configuration, Frame, IkSolution, LegAngles, LegId, LinkId, Posture, Robot};
 
 use crate::athlete;
 
@@ -239,8 +239,8 @@ fn the_quick_questions_answer_as_all_branches_do() {
                 let near = random_angles(&robot, LegId(0), &mut rng);
                 let from = |q: &LegAngles| (q - near).amax();
                 let least = all.iter().map(|s| from(&s.angles)).min_by(f64::total_cmp);
-                let nearest = leg.ik.solve_nearest(leg, &frame, &near);
-                assert_eq!(nearest.map(|q| from(&q)), least);
+                let nearest = leg.ik.solve_nearest(leg, &frame, &near, None);
+                assert_eq!(nearest.map(|s| from(&s.angles)), least);
             }
             Err(none) => {
                 n_missed += 1;
@@ -250,6 +250,48 @@ fn the_quick_questions_answer_as_all_branches_do() {
         }
     }
     assert!(n_within > 100 && n_missed > 1_000, "{n_within} {n_missed}");
+}
+
+/// Oracle: all branches, one after the other.
+#[test]
+fn the_nearest_solution_is_so_whichever_branch_is_tried_first() {
+    let robot = athlete();
+    let posture = Posture::new(&robot, &robot.pose("bent").unwrap());
+    let mut rng = ChaCha8Rng::seed_from_u64(13);
+    let (mut n_solved, mut n_first, mut n_other) = (0, 0, 0);
+    for i in 0..6_000 {
+        let id = LegId(rng.random_range(0..6));
+        let leg = robot.leg(id);
+        let near = random_angles(&robot, id, &mut rng);
+        // From hardly moved to moved so far that another branch may be nearer.
+        let most = [1e-3, 0.03, 0.3, 1.0][i % 4];
+        let moved = near + LegAngles::from_fn(|_, _| rng.random_range(-most..most));
+        let world_from_wheel =
+            posture.with_leg(&robot, id, &moved).wheel(&robot, id).world_from_wheel;
+        let wheel = posture.link(LinkId(0)).inverse() * world_from_wheel;
+        let all = leg.ik.solve(leg, &wheel).unwrap();
+        let within: Vec<_> = all.iter().filter(|s| s.within_limits).collect();
+        let from = |q: &LegAngles| (q - near).amax();
+        let mut nearest: Option<&IkSolution> = None;
+        for s in &within {
+            if nearest.is_none_or(|best| from(&s.angles) < from(&best.angles)) {
+                nearest = Some(s);
+            }
+        }
+        let frame = Frame::from(&wheel);
+        n_solved += usize::from(nearest.is_some());
+        for tried in &all {
+            let found = leg.ik.solve_nearest(leg, &frame, &near, Some(tried.branch));
+            assert_eq!(found.as_ref(), nearest, "{near:?} {:?}", tried.branch);
+            let first = leg.ik.closed_form().unwrap();
+            let first = first.solve_branch(leg, &frame, &near, tried.branch);
+            assert!(first.is_none() || first.as_ref() == nearest);
+            n_first += usize::from(first.is_some());
+            let is_it = nearest.is_some_and(|best| best.branch == tried.branch);
+            n_other += usize::from(first.is_none() && is_it);
+        }
+    }
+    assert!(n_solved > 3_000 && n_first > 1_500 && n_other > 100, "{n_solved} {n_first} {n_other}");
 }
 
 #[test]

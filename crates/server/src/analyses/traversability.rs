@@ -1,6 +1,7 @@
 //! Traversability of a ground.
 
 use geometry::Raster;
+use terrain::Placement;
 use terrain::traversability::{Layers, traversability as judge};
 use wire::analysis::{
     TRAVERSABILITY_LAYERS, TraversabilityAnswer, TraversabilityRequest, base64_bytes, base64_f32,
@@ -15,8 +16,8 @@ use crate::terrains::terrain_error;
 /// Most cells of an answer that is not a file.
 const ANSWER_CELLS_MAX: usize = 4_000_000;
 
-/// The layers, before they are encoded.
-pub struct Judged(Layers);
+/// The layers, before they are encoded, and where they lie.
+pub struct Judged(Layers, Placement);
 
 /// Where a foot can stand.
 pub fn traversability(
@@ -39,7 +40,7 @@ pub fn traversability(
     };
     let layers = layers.map_err(|error| terrain_error(&At::root("footprint_m"), &error))?;
     stop.check()?;
-    Ok(Judged(layers))
+    Ok(Judged(layers, map.placement().clone()))
 }
 
 impl Judged {
@@ -117,7 +118,7 @@ impl Judged {
     pub fn to_geotiff(&self) -> Result<Vec<u8>, RequestError> {
         let bands = self.bands();
         let named: Vec<_> = TRAVERSABILITY_LAYERS.into_iter().zip(&bands).collect();
-        terrain::formats::geotiff::write_layers(self.0.class.grid(), &named)
+        terrain::formats::geotiff::write_layers(self.0.class.grid(), &named, &self.1)
             .map_err(|error| terrain_error(&At::root("layers"), &error))
     }
 

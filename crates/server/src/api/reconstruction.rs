@@ -18,7 +18,7 @@ use wire::check::{self, At, RequestError};
 use wire::live::{DEPTH_BITS, JobReport};
 use wire::reconstruction::{
     CameraAnswer, CamerasAnswer, CoverageAnswer, CoverageOfPair, CoverageRequest, ImageCost,
-    RESOLUTION_M, ReconstructionAnswer, ReconstructionRequest, SCALE,
+    RESOLUTION_M, ReconstructionAnswer, ReconstructionRequest, RestoreRequest, SCALE,
 };
 use wire::resources::ErrorBody;
 
@@ -26,7 +26,7 @@ use crate::app::AppState;
 use crate::body::{Body, Operator, Path};
 use crate::error::ApiError;
 use crate::imaging;
-use crate::reconstruction::{self, hidden};
+use crate::reconstruction::{self, hidden, restore};
 use crate::stop::Stop;
 
 /// Time allowed for a coverage (s): less than for any answer.
@@ -40,6 +40,7 @@ pub fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(camera_coverage))
         .routes(routes!(start_reconstruction))
         .routes(routes!(reconstruction_answer))
+        .routes(routes!(restore_map))
 }
 
 /// Rate of telemetry (bit/s), if there is a limit.
@@ -226,6 +227,25 @@ async fn start_reconstruction(
     Body(request): Body<ReconstructionRequest>,
 ) -> Result<(StatusCode, Json<JobReport>), ApiError> {
     let report = reconstruction::start(app, who, request).await?;
+    Ok((StatusCode::ACCEPTED, Json(report)))
+}
+
+/// Makes the map that cameras had made in an earlier session again, from the images in its log, as a job: the same version,
+/// byte for byte, or none. The images that were received last come back, too. A server that is started anew does this
+/// by itself with the log of the session before.
+#[utoipa::path(
+    post, path = "/terrain/restore", tag = "terrain", request_body = RestoreRequest,
+    responses(
+        (status = 202, body = JobReport), (status = 404, body = ErrorBody),
+        (status = 429, body = ErrorBody)
+    )
+)]
+async fn restore_map(
+    State(app): State<AppState>,
+    Operator(who): Operator,
+    Body(request): Body<RestoreRequest>,
+) -> Result<(StatusCode, Json<JobReport>), ApiError> {
+    let report = restore::start(&app, who, request.log, false).await?;
     Ok((StatusCode::ACCEPTED, Json(report)))
 }
 

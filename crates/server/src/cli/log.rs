@@ -250,7 +250,10 @@ fn rebuild(paths: &[PathBuf], config: Option<&Path>, output: Output) -> Result<V
     let first = files.first().cloned().unwrap_or_default();
     let mut log =
         IndexedLog::open(&files, Limits::default()).map_err(|error| unreadable(&first, error))?;
-    let basis = Basis { robot: &robot, rig: &rig, ground: &ground };
+    // Other logs are where the folder of this one is.
+    let logs_dir = paths.first().filter(|path| path.is_dir()).and_then(|path| path.parent());
+    let logs_dir = logs_dir.map(Path::to_owned);
+    let basis = Basis { robot: &robot, rig: &rig, ground: &ground, logs_dir };
     let failed = |ApiError(info): ApiError| RequestError::new("log_damaged", info.message);
     let versions = rebuild::rebuild(&mut log, &basis, &Stop::within(f64::MAX)).map_err(failed)?;
     let told = |rebuilt: &Rebuilt| match &rebuilt.outcome {

@@ -161,6 +161,7 @@ fn summary(map: &ElevationMap) -> Value {
         "size": [grid.nx, grid.ny],
         "origin_m": [grid.origin.x, grid.origin.y],
         "frame_offset_m": <[f64; 3]>::from(map.frame_offset()),
+        "reference_system": map.placement().system.as_ref().map(|system| system.name()),
         "z_range_m": range,
         "known_share": n_known as f64 / grid.len().max(1) as f64,
     })

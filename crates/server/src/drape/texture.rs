@@ -10,9 +10,9 @@ use rover::{Posture, Robot};
 use stereo::ortho::{OrthoImage, OrthoOptions, View, ortho};
 use stereo::ray::RayScene;
 use stereo::rig::Rig;
-use terrain::ElevationMap;
 use terrain::formats::geotiff;
 use terrain::fusion::Correction;
+use terrain::{ElevationMap, Placement};
 use wire::check::{At, RequestError};
 use wire::convert;
 use wire::drape::{TextureAnswer, TextureView};
@@ -80,6 +80,7 @@ pub struct PlacedShot {
 pub struct Texture {
     image: OrthoImage,
     views: Vec<TextureView>,
+    placement: Placement,
 }
 
 impl Texture {
@@ -110,7 +111,7 @@ impl Texture {
         };
         Ok(made.map(|image| {
             let views = shots.iter().zip(&image.views).map(told).collect();
-            Texture { image, views }
+            Texture { image, views, placement: map.placement().clone() }
         }))
     }
 
@@ -133,7 +134,8 @@ impl Texture {
 
     /// The same as a GeoTIFF.
     pub fn geotiff(&self) -> Result<Vec<u8>, RequestError> {
-        geotiff::write_picture(&self.image.grid, &self.image.gray, &self.image.alpha)
+        let OrthoImage { grid, gray, alpha, .. } = &self.image;
+        geotiff::write_picture(grid, gray, alpha, &self.placement)
             .map_err(|error| terrain_error(&At::root("version"), &error))
     }
 }

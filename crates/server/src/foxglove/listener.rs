@@ -7,8 +7,8 @@ use axum::extract::ws::Message;
 use bridge::bus::ChannelMessage;
 use wire::live::{RoverTelemetry, channel};
 
-use super::topics::Topics;
-use super::{Request, Wish, data, refusal, time_of};
+use super::topics::{Content, Topics};
+use super::{Request, WARNING, Wish, data, refusal, status, time_of};
 
 /// Subscriptions of one listener.
 const SUBSCRIPTIONS_MAX: usize = 256;
@@ -64,6 +64,9 @@ impl Listener {
             return Some(refusal(&format!("{SUBSCRIPTIONS_MAX} subscriptions are the most")));
         }
         self.wishes.insert(id, topic);
+        if let Some(newest) = self.topics.newest(topic) {
+            return newest.map(|(time, content)| data(id, time, &content));
+        }
         let message = self.latest.get(self.topics.channel(topic))?;
         self.under(id, topic, message)
     }
@@ -88,8 +91,11 @@ impl Listener {
 
     /// A message under a subscription.
     fn under(&self, id: u32, topic: usize, message: &ChannelMessage) -> Option<Message> {
-        let content = self.topics.content(topic, message, || self.frame())?;
-        Some(data(id, message.received_time, &content))
+        match self.topics.content(topic, message, || self.frame()) {
+            Content::Bytes(content) => Some(data(id, message.received_time, &content)),
+            Content::Nothing => None,
+            Content::Gone(why) => Some(status(WARNING, why)),
+        }
     }
 
     fn frame(&self) -> Option<Arc<RoverTelemetry>> {

@@ -1,4 +1,4 @@
-//! The topics of the route: those that are logged, in JSON, and those that viewers draw.
+//! The topics of the route: those that are logged, in JSON, those that viewers draw, and those of cameras.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -11,8 +11,11 @@ use bridge::recorder::ChannelSchema;
 use rover::Robot;
 use wire::foxglove::{self as drawn, DESCRIPTORS, FORCES, JOINTS, STANCE, TRANSFORMS, Topic};
 use wire::live::{RoverTelemetry, channel};
+use wire::time::Timestamp;
 
 use super::Advertised;
+use super::cameras::{self, CameraTopic, Seen};
+use crate::app::AppState;
 
 /// Topics that are drawn, each with the channel that it follows from.
 const DRAWN: [(Topic, &str); 4] = [
@@ -26,17 +29,38 @@ const DRAWN: [(Topic, &str); 4] = [
 pub struct Topics {
     schemas: Vec<ChannelSchema>,
     robot: Arc<Robot>,
+    /// Of the live rover's cameras, and where their images are.
+    cameras: Vec<CameraTopic>,
+    app: AppState,
+}
+
+/// What a message of its channel is on a topic.
+pub enum Content {
+    /// The message of the topic.
+    Bytes(Bytes),
+    /// Nothing.
+    Nothing,
+    /// It cannot be given any more, and why.
+    Gone(String),
+}
+
+impl From<Option<Vec<u8>>> for Content {
+    fn from(bytes: Option<Vec<u8>>) -> Content {
+        bytes.map_or(Content::Nothing, |bytes| Content::Bytes(bytes.into()))
+    }
 }
 
 impl Topics {
-    /// The logged channels, and what is drawn of a robot.
-    pub fn new(schemas: &[ChannelSchema], robot: Arc<Robot>) -> Topics {
-        Topics { schemas: schemas.to_vec(), robot }
+    /// The logged channels, what is drawn of a robot, and its cameras where the feed is live.
+    pub fn new(app: &AppState, is_replay: bool) -> Topics {
+        let cameras = if is_replay { Vec::new() } else { cameras::topics(app) };
+        let robot = app.live.robot().clone();
+        Topics { schemas: app.schemas.to_vec(), robot, cameras, app: app.clone() }
     }
 
     /// The number of topics.
     pub fn len(&self) -> usize {
-        self.schemas.len() + DRAWN.len()
+        self.schemas.len() + DRAWN.len() + self.cameras.len()
     }
 
     /// All topics, as viewers are told.
@@ -49,11 +73,13 @@ impl Topics {
             schema_encoding: "jsonschema",
             schema: Cow::from(&schema.schema_json),
         });
-        let drawn = DRAWN.iter().map(|(topic, _)| Advertised {
+        let drawn = DRAWN.iter().map(|(topic, _)| (topic.name, topic.schema_name));
+        let seen = self.cameras.iter().map(|topic| (topic.name.as_str(), topic.schema_name));
+        let drawn = drawn.chain(seen).map(|(topic, schema_name)| Advertised {
             id: 0,
-            topic: topic.name,
+            topic,
             encoding: "protobuf",
-            schema_name: topic.schema_name,
+            schema_name,
             schema_encoding: "protobuf",
             schema: Cow::from(STANDARD.encode(DESCRIPTORS)),
         });
@@ -65,8 +91,17 @@ impl Topics {
     pub fn channel(&self, topic: usize) -> &str {
         match self.schemas.get(topic) {
             Some(schema) => &schema.channel,
-            None => DRAWN[topic - self.schemas.len()].1,
+            None => DRAWN.get(topic - self.schemas.len()).map_or(channel::IMAGE, |drawn| drawn.1),
         }
+    }
+
+    fn camera(&self, topic: usize) -> Option<&CameraTopic> {
+        self.cameras.get(topic.checked_sub(self.schemas.len() + DRAWN.len())?)
+    }
+
+    /// What a topic begins with, where that is not the latest message of its channel: the newest image of a camera.
+    pub fn newest(&self, topic: usize) -> Option<Option<(Timestamp, Bytes)>> {
+        Some(self.camera(topic)?.newest(&self.app))
     }
 
     /// What a message of its channel is on a topic; none where it cannot be drawn, as a frame of a
@@ -77,21 +112,31 @@ impl Topics {
         topic: usize,
         message: &ChannelMessage,
         frame: impl FnOnce() -> Option<Arc<RoverTelemetry>>,
-    ) -> Option<Bytes> {
+    ) -> Content {
         let Some(place) = topic.checked_sub(self.schemas.len()) else {
-            return Some(message.json.clone());
+            return Content::Bytes(message.json.clone());
         };
-        let (topic, time) = (DRAWN.get(place)?.0, message.onboard_time);
-        let frame = frame()?;
-        let bytes = match topic {
-            TRANSFORMS => drawn::transforms(&self.robot, &frame, time).ok()?,
-            JOINTS => drawn::joints(&self.robot, &frame, time),
-            FORCES => drawn::forces(&self.robot, &frame, time),
-            _ => {
-                let derived = serde_json::from_slice(&message.json).ok()?;
-                drawn::stance(&derived, drawn::ground_height(&frame), time)
-            }
+        if let Some(camera) = self.camera(topic) {
+            return match camera.seen(&self.app, message) {
+                Seen::Content(bytes) => Content::Bytes(bytes),
+                Seen::Nothing => Content::Nothing,
+                Seen::Gone(of) => Content::Gone(format!(
+                    "{}: the image of capture {} is kept no more; it is in the flight log",
+                    camera.name, of.capture
+                )),
+            };
+        }
+        let Some(((topic, _), frame)) = DRAWN.get(place).zip(frame()) else {
+            return Content::Nothing;
         };
-        Some(bytes.into())
+        let time = message.onboard_time;
+        Content::from(match *topic {
+            TRANSFORMS => drawn::transforms(&self.robot, &frame, time).ok(),
+            JOINTS => Some(drawn::joints(&self.robot, &frame, time)),
+            FORCES => Some(drawn::forces(&self.robot, &frame, time)),
+            _ => serde_json::from_slice(&message.json)
+                .ok()
+                .map(|derived| drawn::stance(&derived, drawn::ground_height(&frame), time)),
+        })
     }
 }

@@ -2,10 +2,12 @@
 //! tells.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::path::PathBuf;
 use std::sync::Arc;
 
+use bridge::catalog;
 use bridge::images::ReceivedImage;
-use bridge::reader::{IndexedLog, LogMessage, ReadError};
+use bridge::reader::{IndexedLog, Limits, LogMessage, ReadError};
 use rover::Robot;
 use serde::de::DeserializeOwned;
 use stereo::rig::Rig;
@@ -34,6 +36,8 @@ pub struct Basis<'a> {
     pub rig: &'a Rig,
     /// The map from before.
     pub ground: &'a ElevationMap,
+    /// Where the logs of earlier sessions are.
+    pub logs_dir: Option<PathBuf>,
 }
 
 /// What came of one version.
@@ -64,24 +68,48 @@ pub enum Outcome {
     },
 }
 
+/// Logs that go back to one another, one before the other, at most.
+const CHAIN_MAX: usize = 16;
+
+/// What came of a log.
+pub struct Remade {
+    /// Version by version, in the order of the log.
+    pub rebuilt: Vec<Rebuilt>,
+    /// What the newest versions are made of, oldest first.
+    pub(super) states: VecDeque<(String, Blended)>,
+    /// The last of the log: what was in use at its end.
+    pub last: Option<MapRecord>,
+}
+
 /// Makes all versions of a log again, in the order of the log.
 pub fn rebuild(
     log: &mut IndexedLog,
     basis: &Basis<'_>,
     stop: &Stop,
 ) -> Result<Vec<Rebuilt>, ApiError> {
+    remake(log, basis, stop, 0, &mut |_, _| {}).map(|made| made.rebuilt)
+}
+
+/// As [`rebuild`], with what is made, telling how many of how many versions are; `depth` logs go back to this one.
+pub fn remake(
+    log: &mut IndexedLog,
+    basis: &Basis<'_>,
+    stop: &Stop,
+    depth: usize,
+    tell: &mut dyn FnMut(usize, usize),
+) -> Result<Remade, ApiError> {
     let records: Vec<MapRecord> = all(log, channel::MAP)?;
-    let mut heads = BTreeMap::new();
-    for image in all::<ImageReceived>(log, channel::IMAGE)? {
-        if heads.len() < IMAGES_MAX {
-            heads.insert(image.head.image.clone(), image);
-        }
-    }
+    let (n, last) = (records.len(), records.last().cloned());
+    let heads = heads(log)?;
     let mut states: VecDeque<(String, Blended)> = VecDeque::new();
     let mut rebuilt = Vec::with_capacity(records.len());
-    for record in records {
+    for (i, record) in records.into_iter().enumerate() {
         stop.check()?;
-        let made = make(log, basis, &heads, &states, &record, stop)?;
+        tell(i, n);
+        let made = match &record.step {
+            MapStep::Restored { log } => earlier(basis, log, &record, stop, depth)?,
+            _ => make(log, basis, &heads, &states, &record, stop)?,
+        };
         let outcome = match made {
             Err(why) => Outcome::Lacks { why },
             Ok(None) => Outcome::Same,
@@ -98,13 +126,45 @@ pub fn rebuild(
         };
         rebuilt.push(Rebuilt { version: record.terrain_version, outcome });
     }
-    Ok(rebuilt)
+    Ok(Remade { rebuilt, states, last })
+}
+
+/// What a log tells of its images, by their names.
+pub(super) fn heads(log: &mut IndexedLog) -> Result<Heads, ApiError> {
+    let told = all::<ImageReceived>(log, channel::IMAGE)?.into_iter().take(IMAGES_MAX);
+    Ok(told.map(|image| (image.head.image.clone(), image)).collect())
+}
+
+/// The blended map of a version that was made again from the log of an earlier session.
+fn earlier(
+    basis: &Basis<'_>,
+    id: &str,
+    record: &MapRecord,
+    stop: &Stop,
+    depth: usize,
+) -> Result<Result<Option<Blended>, String>, ApiError> {
+    let lacks = |why: String| Ok(Err(format!("it was made again from the log {id}, {why}")));
+    let Some(dir) = &basis.logs_dir else { return lacks("which is not beside this one".into()) };
+    if depth >= CHAIN_MAX {
+        return lacks(format!("and {CHAIN_MAX} logs before it go back to others"));
+    }
+    let mut log = match catalog::open_log(dir, id, Limits::default()) {
+        Ok(log) => log,
+        Err(error) => return lacks(format!("which cannot be read: {error}")),
+    };
+    let made = remake(&mut log, basis, stop, depth + 1, &mut |_, _| {})?;
+    let state = made.states.into_iter().rev().find(|(of, _)| *of == record.terrain_version);
+    match state {
+        Some((_, blended)) => Ok(Ok(Some(Blended { from: None, ..blended }))),
+        None => lacks("of which it could not be made".into()),
+    }
 }
 
 /// Of a version that goes on from none.
 const UNTOLD: &str = "the log does not tell what it goes on from";
 
-type Heads = BTreeMap<ImageName, ImageReceived>;
+/// What a log tells of its images.
+pub(super) type Heads = BTreeMap<ImageName, ImageReceived>;
 
 /// The blended map of a record, or what is missing; none where no camera made the map.
 fn make(
@@ -146,6 +206,8 @@ fn make(
         MapStep::Removed { source } => changed(before, Change::Remove(*source)),
         MapStep::Fit { source, fitted } => changed(before, Change::Fit(*source, *fitted)),
         MapStep::Selected {} => Ok(Ok(before)),
+        // Of another log: not made of what is here.
+        MapStep::Restored { log } => Ok(Err(format!("it was made again from the log {log}"))),
         MapStep::Contact(step) => {
             let Some(mut blended) = before else { return Ok(Err(UNTOLD.into())) };
             blended.contacts(step)?;
@@ -217,7 +279,11 @@ fn source(
 }
 
 /// The PNG of an image, by its hash.
-fn png(log: &mut IndexedLog, topic: &str, head: &ImageHead) -> Result<Option<Vec<u8>>, ApiError> {
+pub(super) fn png(
+    log: &mut IndexedLog,
+    topic: &str,
+    head: &ImageHead,
+) -> Result<Option<Vec<u8>>, ApiError> {
     for piece in log.pieces_of(topic).to_vec() {
         let of_time = |m: &LogMessage| *m.channel == *topic && m.publish_time == head.time;
         let messages = log.read(piece as usize).map_err(ApiError::from)?;

@@ -16,37 +16,70 @@ pub struct LastSession {
     pub commands: Vec<CommandEvent>,
     /// Its E-stop.
     pub estop: EstopMemory,
-    /// The map that cameras had made, in use at its end.
-    pub seen_map: Option<String>,
+    /// The map that cameras had made, in use at its end, and the log that it can be made of.
+    pub seen_map: Option<(String, String)>,
 }
 
 /// What is in the newest log; nothing where there is none. By the index: of what is sealed, only the
 /// commands and the end are read. A log with damage gives what can be read: whatever it has lost was
 /// not acknowledged, or is told as damage.
 pub fn read(dir: &Path) -> LastSession {
-    let newest = match catalog::list_logs(dir, None) {
-        Ok(logs) => logs.into_iter().next(),
-        Err(error) => {
-            tracing::warn!("the logs of earlier sessions cannot be listed: {error}");
-            None
-        }
-    };
-    let Some(log) = newest else { return LastSession::default() };
+    let logs = catalog::list_logs(dir, None).unwrap_or_else(|error| {
+        tracing::warn!("the logs of earlier sessions cannot be listed: {error}");
+        Vec::new()
+    });
+    let ids: Vec<&str> = logs.iter().map(|log| log.id.as_str()).collect();
+    let Some(log) = logs.first() else { return LastSession::default() };
     let read = catalog::open_log(dir, &log.id, Limits::default()).and_then(|mut opened| {
         let last = LastSession {
             commands: commands(&mut opened)?,
             estop: estop(&mut opened)?,
-            seen_map: seen_map(&mut opened)?,
+            seen_map: None,
         };
         opened.damage().iter().for_each(|damage| {
             tracing::warn!("the log {} of the last session is damaged: {damage}", log.id);
         });
         Ok(last)
     });
-    read.unwrap_or_else(|error| {
+    let last = read.unwrap_or_else(|error| {
         tracing::warn!("the log {} of the last session cannot be read: {error}", log.id);
         LastSession::default()
-    })
+    });
+    LastSession { seen_map: newest_map(dir, &ids), ..last }
+}
+
+/// The map that cameras had made, in use at the end of the last session in which the map changed, with the log of that
+/// session: one that ended before its own map was made again has changed none.
+fn newest_map(dir: &Path, ids: &[&str]) -> Option<(String, String)> {
+    for id in ids.iter().take(SESSIONS_MAX) {
+        let found = catalog::open_log(dir, id, Limits::default()).and_then(|mut log| {
+            let is_other = terrains(&mut log)? > 1;
+            Ok((seen_map(&mut log)?, is_other))
+        });
+        match found {
+            Ok((Some(version), _)) => return Some((version, (*id).to_owned())),
+            Ok((None, true)) => return None,
+            Ok((None, false)) => {}
+            Err(error) => tracing::warn!("the log {id} cannot be read: {error}"),
+        }
+    }
+    None
+}
+
+/// Sessions that are looked back at for a map.
+const SESSIONS_MAX: usize = 4;
+
+/// How often a log tells that a map is in use, up to two: once at its beginning.
+fn terrains(log: &mut IndexedLog) -> Result<usize, ReadError> {
+    let mut n = 0;
+    for piece in log.pieces_of(channel::TERRAIN).to_vec() {
+        let messages = log.read(piece as usize)?;
+        n += messages.iter().filter(|message| *message.channel == *channel::TERRAIN).count();
+        if n > 1 {
+            break;
+        }
+    }
+    Ok(n)
 }
 
 fn commands(log: &mut IndexedLog) -> Result<Vec<CommandEvent>, ReadError> {

@@ -5,6 +5,7 @@ use axum::http::Request;
 use geometry::Grid;
 use nalgebra::Point2;
 use serde_json::{Value, json};
+use terrain::Placement;
 use terrain::formats::geotiff;
 use wire::check::At;
 
@@ -125,7 +126,8 @@ async fn a_raster_is_laid_over_the_ground_told_and_removed() {
     let grid = Grid { origin: Point2::new(-3.0, -2.0), resolution: 0.25, nx: 24, ny: 16 };
     let gray: Vec<u8> = (0..grid.len()).map(|i| (i % 251) as u8).collect();
     let alpha: Vec<u8> = (0..grid.len()).map(|i| if i == 5 { 0 } else { 255 }).collect();
-    put("over.tif", geotiff::write_picture(&grid, &gray, &alpha).unwrap()).await;
+    put("over.tif", geotiff::write_picture(&grid, &gray, &alpha, &Placement::default()).unwrap())
+        .await;
     let added = ground.post("terrain/overlays", &json!({ "file": "over.tif" })).await;
     assert_eq!(added.status, 201, "{}", added.json());
     let told = added.json();
@@ -143,7 +145,8 @@ async fn a_raster_is_laid_over_the_ground_told_and_removed() {
     }
     // What does not fit is refused by name.
     let far = Grid { origin: Point2::new(900.0, 900.0), ..grid };
-    put("far.tif", geotiff::write_picture(&far, &gray, &alpha).unwrap()).await;
+    put("far.tif", geotiff::write_picture(&far, &gray, &alpha, &Placement::default()).unwrap())
+        .await;
     put("none.tif", b"II\x2a\0 and no more".to_vec()).await;
     for (file, status, code) in [
         ("far.tif", 422, "overlay_elsewhere"),
@@ -171,6 +174,39 @@ async fn a_raster_is_laid_over_the_ground_told_and_removed() {
         ground.get("/api/v1/terrain/overlays").await.json()["overlays"].as_array().unwrap().len(),
         7
     );
+    // The next server has them as they were: the same identities and texels. One whose file has changed is told.
+    let listed = ground.get("/api/v1/terrain/overlays").await.json()["overlays"].clone();
+    let one = listed[0]["id"].as_str().unwrap().to_owned();
+    let tile = ground.get(&format!("/api/v1/terrain/overlays/{one}/0/0")).await.bytes;
+    let dir = ground.finish().await;
+    let again = async |dir: crate::support::TempDir| {
+        Ground::of(server::serve::Mission::of(crate::support::config(dir.path())), dir).await
+    };
+    let list = async |ground: &Ground| {
+        ground.get("/api/v1/terrain/overlays").await.json()["overlays"].clone()
+    };
+    let ground = again(dir).await;
+    ground.until("the rasters", || async { list(&ground).await == listed }).await;
+    assert_eq!(ground.get(&format!("/api/v1/terrain/overlays/{one}/0/0")).await.bytes, tile);
+    let dir = ground.finish().await;
+    let file = dir.path().join("terrain/over.tif");
+    let other = geotiff::write_picture(&grid, &alpha, &alpha, &Placement::default()).unwrap();
+    std::fs::write(&file, [other, vec![0; 9]].concat()).unwrap();
+    let ground = again(dir).await;
+    let why = |ground: &Ground| {
+        let (n, why) = ground.app().overlays.bring_back(&ground.app().store.current().map);
+        assert_eq!(n, 0);
+        why.join("; ")
+    };
+    assert!(why(&ground).contains("over.tif: its file is another now"), "{}", why(&ground));
+    // A list that is none harms nothing.
+    let dir = ground.finish().await;
+    std::fs::write(dir.path().join("terrain/.overlays.json"), b"{\"ground\": 3}").unwrap();
+    let ground = again(dir).await;
+    assert!(why(&ground).contains("cannot be used"), "{}", why(&ground));
+    assert_eq!(list(&ground).await, json!([]));
+    let added = ground.post("terrain/overlays", &json!({ "file": "over.tif" })).await;
+    assert_eq!(added.status, 201, "{}", added.json());
     // Another ground has none of them.
     let import = json!({ "recipe": { "name": "smooth_mare", "width_m": 20.0 }, "seed": 3 });
     let report = ground.job(&ground.post("terrain/imports", &import).await).await;

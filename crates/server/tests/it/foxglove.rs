@@ -223,6 +223,76 @@ async fn a_viewer_that_asks_for_what_is_not_there_is_told() {
     assert!(text(&mut socket).await["message"].as_str().unwrap().contains("is in use"));
 }
 
+/// The next message under a subscription: which, and its content.
+async fn message(socket: &mut Socket) -> (u32, Vec<u8>) {
+    use futures_util::StreamExt;
+    loop {
+        if let Message::Binary(bytes) = socket.next().await.unwrap().unwrap()
+            && bytes[0] == 1
+        {
+            let id = u32::from_le_bytes(bytes[1..5].try_into().unwrap());
+            return (id, bytes[13..].to_vec());
+        }
+    }
+}
+
+#[tokio::test]
+async fn viewers_see_the_cameras_as_the_log_has_them() {
+    let ground = Ground::start().await;
+    let url = format!("{}/foxglove", listening(&ground).await);
+    let mut socket = viewer(&url).await;
+    text(&mut socket).await;
+    let channels = text(&mut socket).await["channels"].as_array().unwrap().clone();
+    let cameras: Vec<&str> = channels.iter().filter_map(|c| c["topic"].as_str()).collect();
+    let cameras = cameras.into_iter().filter(|topic| topic.starts_with("/camera/"));
+    assert_eq!(cameras.count(), 9 * 2 * 3, "nine pairs, two sides, three topics");
+    let topics: Vec<String> = ["left", "right"]
+        .into_iter()
+        .flat_map(|side| {
+            ["image", "calibration", "tf"].map(|what| format!("/camera/haz1/{side}/{what}"))
+        })
+        .collect();
+    let schemas = ["CompressedImage", "CameraCalibration", "FrameTransform"];
+    let wishes: Vec<Value> = topics
+        .iter()
+        .enumerate()
+        .map(|(id, topic)| {
+            let channel = channels.iter().find(|c| c["topic"] == **topic).unwrap();
+            assert_eq!(channel["schemaName"], format!("foxglove.{}", schemas[id % 3]), "{channel}");
+            assert_eq!(channel["encoding"], "protobuf");
+            json!({ "id": id, "channelId": channel["id"] })
+        })
+        .collect();
+    let subscribe = json!({ "op": "subscribe", "subscriptions": wishes });
+    say(&mut socket, subscribe.clone()).await;
+    let order = |pairs: &[&str]| json!({ "type": "image", "pairs": pairs, "scale": 0.25, "simulated": { "seed": 5 } });
+    // What another camera sees is not told under these.
+    let record = ground.execute_body(&order(&["haz2", "haz1"])).await;
+    let capture = format!("/api/v1/rover/images/{}", record["id"].as_str().unwrap());
+    let ended = || async { ground.get(&capture).await.json()["state"] == "complete" };
+    ground.until("the images", ended).await;
+    let mut heard: BTreeMap<u32, Vec<u8>> = BTreeMap::new();
+    while heard.len() < topics.len() {
+        let (id, content) = message(&mut socket).await;
+        assert!(heard.insert(id, content).is_none(), "{id} came twice");
+    }
+    // Who comes later begins with the newest image of each camera.
+    let mut late = viewer(&url).await;
+    say(&mut late, subscribe).await;
+    for _ in 0..topics.len() {
+        let (id, content) = message(&mut late).await;
+        assert_eq!(heard[&id], content);
+    }
+    let log = ground.get("/api/v1/rover").await.json()["log_id"].as_str().unwrap().to_owned();
+    let dir = ground.finish().await;
+    let log = catalog::read_log(&dir.path().join("logs"), &log, Limits::default()).unwrap();
+    for (id, topic) in topics.iter().enumerate() {
+        let mut logged = log.messages.iter().filter(|message| *message.channel == **topic);
+        assert_eq!(heard[&(id as u32)], logged.next().unwrap().data.to_vec(), "{topic}");
+        assert!(logged.next().is_none());
+    }
+}
+
 #[tokio::test]
 async fn without_a_known_subprotocol_or_from_another_site_there_is_no_viewer() {
     let ground = Ground::start().await;

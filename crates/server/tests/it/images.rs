@@ -5,7 +5,9 @@ use std::process::Command;
 use serde_json::{Value, json};
 use testkit::note_skipped;
 
-use crate::support::Ground;
+use server::serve::Mission;
+
+use crate::support::{Ground, config};
 
 fn order(pairs: &[&str]) -> Value {
     json!({ "type": "image", "pairs": pairs, "scale": 0.25, "simulated": { "seed": 5 } })
@@ -143,6 +145,90 @@ async fn a_map_is_made_of_images_that_are_here_and_made_again_from_the_log() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let read = String::from_utf8(output.stdout).unwrap();
     assert_eq!(read, "6 images, 6 calibrations, 6 places\n");
+}
+
+/// How it ended that the map of the session before was to be made again.
+async fn restored(ground: &Ground) -> Value {
+    let first = || async {
+        let jobs = ground.get("/api/v1/jobs").await.json();
+        jobs.as_array().unwrap().iter().find(|job| job["kind"] == "restore").cloned()
+    };
+    let is_over = |job: &Value| job["state"] == "done" || job["state"] == "failed";
+    ground.until("the map", || async { first().await.is_some_and(|job| is_over(&job)) }).await;
+    first().await.unwrap()
+}
+
+#[tokio::test]
+async fn a_server_that_is_started_again_makes_the_map_of_the_cameras_again() {
+    let ground = Ground::start().await;
+    let request =
+        json!({ "cameras": ["haz1", "nav1"], "scale": 0.25, "seed": 3, "keep_prior": true });
+    let report = ground.job(&ground.post("terrain/reconstructions", &request).await).await;
+    assert_eq!(report["state"], "done", "{report}");
+    let told = ground.get("/api/v1/terrain/versions").await.json();
+    let version = told["current"].as_str().unwrap().to_owned();
+    let before = told["versions"][0].clone();
+    let images = ground.get("/api/v1/rover/images").await.json()["captures"].clone();
+    let tile = format!("/api/v1/terrain/{version}/tiles/height/0/0/0");
+    let heights = ground.get(&tile).await.bytes;
+    let log = ground.get("/api/v1/rover").await.json()["log_id"].as_str().unwrap().to_owned();
+    let mut dir = ground.finish().await;
+
+    // Again and again: the logs of the sessions between have no images of their own, and one may have ended before its map
+    // was made.
+    for waits in [true, false, true] {
+        let ground = Ground::of(Mission::of(config(dir.path())), dir).await;
+        if !waits {
+            dir = ground.finish().await;
+            continue;
+        }
+        let job = restored(&ground).await;
+        let result = format!("/api/v1/terrain/versions/{version}");
+        assert_eq!((&job["state"], &job["result"]), (&json!("done"), &json!(result)), "{job}");
+        let versions = ground.get("/api/v1/terrain/versions").await.json();
+        // Where the rover stands elsewhere than it did its wheels have corrected the map since.
+        let versions = versions["versions"].as_array().unwrap();
+        let again = versions.iter().find(|v| v["version"] == version.as_str()).unwrap();
+        for field in ["origin_m", "size", "z_range_m", "known_share", "pairs", "captured", "source"]
+        {
+            assert_eq!(again[field], before[field], "{field}");
+        }
+        assert_eq!(ground.get(&tile).await.bytes[64..], heights[64..]);
+        let texture = ground.get(&format!("/api/v1/terrain/{version}/texture")).await;
+        assert_eq!(texture.status, 200, "{}", texture.json());
+        dir = ground.finish().await;
+    }
+    // The log between goes back to the first.
+    let folder = |id: &str| dir.path().join("logs").join(id);
+    let logs = bridge::catalog::list_logs(&dir.path().join("logs"), None).unwrap();
+    let config_file = dir.path().join("mission.toml");
+    std::fs::write(&config_file, "[terrain]\nwidth_m = 14.0\n").unwrap();
+    let mut rebuild = Command::new(env!("CARGO_BIN_EXE_footfall"));
+    rebuild.args(["log", "rebuild"]).arg(folder(&logs[0].id)).arg("--config").arg(&config_file);
+    let told: Value = serde_json::from_slice(&rebuild.output().unwrap().stdout).unwrap();
+    assert_eq!(told["versions"][0], json!({ "version": version, "same": true }), "{told}");
+
+    // On other ground it is not the same map, and is told as such; its images come back in any case.
+    let mut other = config(dir.path());
+    other.terrain.seed += 1;
+    let ground = Ground::of(Mission::of(other), dir).await;
+    let job = restored(&ground).await;
+    assert_eq!(
+        (&job["state"], &job["error"]["code"]),
+        (&json!("failed"), &json!("map_not_restored")),
+        "{job}"
+    );
+    assert_ne!(ground.get("/api/v1/terrain/versions").await.json()["current"], json!(version));
+    let answer = ground.post("terrain/restore", &json!({ "log": log })).await;
+    let report = ground.job(&answer).await;
+    assert_eq!(report["state"], "failed", "{report}");
+    let back = ground.get("/api/v1/rover/images").await.json()["captures"].clone();
+    assert_eq!(back, images);
+    assert_eq!(
+        ground.post("terrain/restore", &json!({ "log": "none" })).await.code(),
+        "log_unknown"
+    );
+    ground.finish().await;
 }
 
 #[tokio::test]

@@ -107,6 +107,87 @@ fn mistakes_in_a_cahvor_model_are_named() {
     assert!(error.contains("512 x 384") && error.contains("1024 x 768"), "{error}");
 }
 
+/// Of places all over the image that have a ray, those that are not seen where it came from.
+fn lost(camera: &Camera) -> Vec<Point2<f64>> {
+    let size = camera.size();
+    let share = |i: usize, n: usize| i as f64 / 40.0 * (n - 1) as f64;
+    let places = (0..=40).flat_map(|i| (0..=40).map(move |j| (i, j)));
+    let pixels = places.map(|(i, j)| Point2::new(share(i, size.width), share(j, size.height)));
+    let is_lost = |pixel: &Point2<f64>| {
+        camera.ray(pixel).is_some_and(|ray| {
+            let back = camera.project(&(ray.origin + ray.direction.into_inner()));
+            !back.is_some_and(|back| (back - pixel).norm() < 1e-3)
+        })
+    };
+    pixels.filter(is_lost).collect()
+}
+
+#[test]
+fn a_camera_too_far_from_its_origin_for_its_lens_is_refused() {
+    // Lines of V, C and R exchanged and numbers at their ends, as fuzzing found them: each camera saw a
+    // point 1 m before it a thousandth of a pixel and more beside where its ray came from.
+    let far = [
+        "C = 0 -956632.7307880124 384\nA = 0 0 1\nH = -5.338872985652978 0 512\n\
+         V = 0 -956632.7307880124 384\nO = 0 0 1\nR = 0 -0.2 0.05\n",
+        "C = 0.1 8133474.852872193 0.3\nA = 0 0 1\nH = 2 0 512\nV = 0 446073.6840770689 384\n\
+         O = 0 0 1\nR = 0 -0.2 0.05\n",
+        "C = 9727041.830281768 0.2 0.3\nA = 0 0 1\nH = 84464 0 512\nV = 0 622 384\nO = 0 0 1\n\
+         R = 0 65537 0.05\n",
+        "C = 620 368258.1207400967 512\nA = 0 0 1\nH = 620 368258.1207400967 512\nV = 2 16 384\n\
+         O = 0 0 1\nR = 0 -0.2 55667\n",
+    ];
+    for text in far {
+        let error = read_cahvor(text, Some(size(1024, 768))).unwrap_err();
+        assert!(matches!(error, StereoError::CameraTooFar { .. }), "{error}");
+        assert!(error.to_string().contains("nearer origin"), "{error}");
+    }
+    // What real ones are is taken, and holds all over the image: a rover's camera in a frame of Mars (3396 km), and an
+    // orbiter's of 350 000 px.
+    for (focal, lens) in [(620.0, "0 -0.2 0.05"), (3e3, "1e-4 -0.02 0.3"), (3.5e5, "0 0 0")] {
+        let text = format!(
+            "C = 1234567.8 -3162277.6 234567.8\nA = 0 0 1\nH = {focal} 0 512\nV = 0 {focal} 384\nO = 0 0 1\nR = {lens}\n"
+        );
+        let camera = read_cahvor(&text, Some(size(1024, 768))).unwrap();
+        assert_eq!(lost(&camera), [], "{text}");
+    }
+    let tsai = OLD_TSAI_FAR.replace("FOCAL", "1e6");
+    let error = read_tsai(&tsai, size(1024, 768)).unwrap_err();
+    assert!(matches!(error, StereoError::CameraTooFar { .. }), "{error}");
+    assert_eq!(
+        lost(&read_tsai(&OLD_TSAI_FAR.replace("FOCAL", "1e3"), size(1024, 768)).unwrap()),
+        []
+    );
+}
+
+const OLD_TSAI_FAR: &str = "fu = FOCAL\nfv = FOCAL\ncu = 526\ncv = 374\nu_direction = 1 0 0\n\
+    v_direction = 0 1 0\nw_direction = 0 0 1\nC = 9876543.21 2 3\nR = 0 0 1 -1 0 0 0 -1 0\n\
+    k1 = -0.3\nk2 = 0.1\np1 = 0\np2 = 0\n";
+
+#[test]
+fn what_is_seen_at_the_very_edge_of_a_cahvor_model_is_seen_there() {
+    // A file that fuzzing found: the column 502 + 10 focal lengths is at a tangent of exactly 10, where the model ends.
+    let edge = "Model = CAHV\nDimensions = 1024 768\nC = 0.1 0.2 0.99999999999999999999999999\nA = 0 0 1\n\
+        H = 1 0 502\nV = 0 622 384\n";
+    assert_eq!(lost(&read_cahvor(edge, Some(size(1024, 768))).unwrap()), []);
+    let camera = read_cahvor(edge, Some(size(1024, 768))).unwrap();
+    let at = Point2::new(512.0, 384.0);
+    let ray = camera.ray(&at).unwrap();
+    let back = camera.project(&(ray.origin + ray.direction.into_inner())).unwrap();
+    assert!((back - at).norm() < 1e-9);
+    // A lens that folds the image over between two angles at which it grows has no ray beyond the first.
+    // Growth 1 - 8 τ + 15.9 τ²: below 0 from τ = 0.2317 to 0.2714.
+    let fold =
+        "C = 0 0 0\nA = 0 0 1\nH = 200 0 512\nV = 0 200 384\nO = 0 0 1\nR = 0 -2.6666666666 3.18\n";
+    let camera = read_cahvor(fold, Some(size(1024, 768))).unwrap();
+    let seen_at = |tan: f64| camera.project(&Point3::new(tan, 0.0, 1.0)).is_some();
+    let growth = |tau: f64| 1.0 - 8.0 * tau + 15.9 * tau * tau;
+    let folds =
+        (1..2000).map(|i| 1e-3 * f64::from(i)).find(|tan| growth(tan * tan) <= 0.0).unwrap();
+    for tan in (1..2000).map(|i| 1e-3 * f64::from(i)) {
+        assert_eq!(seen_at(tan), tan < folds, "{tan}");
+    }
+}
+
 const MIDDLEBURY: &str = "cam0=[994.978 0 311.193; 0 994.978 254.877; 0 0 1]\n\
     cam1=[994.978 0 342.279; 0 994.978 254.877; 0 0 1]\ndoffs=31.086\nbaseline=193.001\n\
     width=741\nheight=500\nndisp=70\n";

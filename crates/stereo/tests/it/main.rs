@@ -11,6 +11,7 @@ mod images;
 mod map_truth;
 mod matching;
 mod ortho;
+mod ortho_rays;
 mod ray;
 mod rectification;
 mod render;

@@ -2,18 +2,21 @@
 //!
 //! A pixel's value belongs to its center, whether the file says "pixel is area" or "pixel is
 //! point"; rows are turned so that y grows upward. User-defined coordinate systems, as of other
-//! planets, are fine as long as they are a plane in meters; a missing unit counts as meters.
+//! planets, are fine as long as they are a plane in meters, and are kept with the map; a missing unit counts as meters.
 //! Nothing is guessed beyond that: whatever else a file may ask for is refused by name.
+
+use std::sync::Arc;
 
 use geometry::Grid;
 use geotiff_reader::crs::ModelType;
 use geotiff_reader::geokeys::{PROJ_LINEAR_UNITS, VERTICAL_UNITS};
 pub use geotiff_reader::{GeoTiffFile, GeoTiffOpenOptions};
 use nalgebra::Point2;
+use tiff_core::TagValue;
 
 pub use super::geotiff_write::{write_classes, write_layers, write_picture};
 use super::{Crop, ReadOptions, localized};
-use crate::{ElevationMap, Source, TerrainError};
+use crate::{ElevationMap, Placement, ReferenceSystem, Source, TerrainError};
 
 /// EPSG code of the meter.
 const METER: u16 = 9001;
@@ -23,6 +26,9 @@ const PROJ_LINEAR_UNIT_SIZE: u16 = 3077;
 const TAG_PIXEL_SCALE: u16 = 33550;
 const TAG_TIEPOINT: u16 = 33922;
 const TAG_TRANSFORMATION: u16 = 34264;
+const TAG_GEO_KEYS: u16 = 34735;
+const TAG_GEO_DOUBLES: u16 = 34736;
+const TAG_GEO_ASCII: u16 = 34737;
 const TAG_GDAL_METADATA: u16 = 42112;
 /// How far from square pixels may be, relative.
 const SQUARE_TOLERANCE: f64 = 1e-6;
@@ -62,7 +68,23 @@ pub fn read_open(file: &GeoTiffFile, options: &ReadOptions) -> Result<ElevationM
     let heights = heights(file, &window, whole.ny)?;
     let origin = whole.position(window.x0, window.y0);
     let grid = Grid { origin, nx: window.nx, ny: window.ny, ..whole };
-    localized(grid, &heights, Source::file("geotiff"))
+    let map = localized(grid, &heights, Source::file("geotiff"))?;
+    let system = system_of(file)?.map(Arc::new);
+    let offset = map.frame_offset();
+    Ok(map.with_placement(Placement { offset, system }))
+}
+
+/// The reference system that a file names; none where it names none, or none in a plane.
+pub(super) fn system_of(file: &GeoTiffFile) -> Result<Option<ReferenceSystem>, TerrainError> {
+    let base = file.tiff().ifd(file.base_ifd_index()).map_err(geotiff_reader::Error::from)?;
+    let directory = base.tag(TAG_GEO_KEYS).and_then(|tag| match &tag.value {
+        TagValue::Short(keys) => Some(keys.clone()),
+        _ => None,
+    });
+    let doubles = base.tag(TAG_GEO_DOUBLES).and_then(|tag| tag.value.as_f64_vec());
+    let ascii = base.tag(TAG_GEO_ASCII).and_then(|tag| tag.value.as_str());
+    let text = ascii.unwrap_or_default().trim_end_matches('\0');
+    Ok(directory.and_then(|keys| ReferenceSystem::new(&keys, &doubles.unwrap_or_default(), text)))
 }
 
 /// A rectangle of nodes, y upward.

@@ -10,11 +10,12 @@ use tiff_core::{
 use tiff_writer::{ImageBuilder, TiffWriteSample, TiffWriter, WriteOptions};
 
 use super::cog;
-use crate::TerrainError;
+use crate::{Placement, TerrainError};
 
 const TAG_PIXEL_SCALE: u16 = 33550;
 const TAG_TIEPOINT: u16 = 33922;
 const TAG_GEO_KEYS: u16 = 34735;
+const TAG_GEO_DOUBLES: u16 = 34736;
 const TAG_GEO_ASCII: u16 = 34737;
 const TAG_GDAL_METADATA: u16 = 42112;
 const TAG_GDAL_NODATA: u16 = 42113;
@@ -30,11 +31,16 @@ impl From<tiff_writer::Error> for TerrainError {
 /// The layers as the float32 bands of one cloud-optimized GeoTIFF (tiles of 256 x 256, deflate, a plane
 /// per band, north up, NaN = nodata), each described by its name in GDAL's metadata tag.
 ///
-/// The pixels' centers are the nodes of `grid`, in an engineering system of meters without a place
-/// on any planet: local `world` coordinates. Overviews halve the pixels until one tile holds them: the
+/// The pixels' centers are the nodes of `grid`. Where `placement` has a reference system they are in its coordinates, and
+/// heights (a layer called `height_m`) are the source's, rounded to float32. Without one they are in an
+/// engineering system of meters without a place on any planet: local `world` coordinates. Overviews halve the pixels until one tile holds them: the
 /// mean of four, of which two are known at least; of a layer called `class` the least, 0 (unknown)
 /// included.
-pub fn write_layers(grid: &Grid, layers: &[(&str, &Raster<f32>)]) -> Result<Vec<u8>, TerrainError> {
+pub fn write_layers(
+    grid: &Grid,
+    layers: &[(&str, &Raster<f32>)],
+    placement: &Placement,
+) -> Result<Vec<u8>, TerrainError> {
     let refuse = |reason: String| Err(TerrainError::TiffWrite { reason });
     if layers.is_empty() || layers.len() > 1000 {
         return refuse(format!("{} layers given, 1 to 1000 fit", layers.len()));
@@ -48,7 +54,7 @@ pub fn write_layers(grid: &Grid, layers: &[(&str, &Raster<f32>)]) -> Result<Vec<
     if let Some((name, _)) = layers.iter().find(|(name, _)| name.contains(['&', '<', '>', '\0'])) {
         return refuse(format!("layer name {name:?} holds one of & < >"));
     }
-    let mut levels = vec![Level::of(grid, layers)];
+    let mut levels = vec![Level::of(grid, layers, placement)];
     while levels[levels.len() - 1].nx.max(levels[levels.len() - 1].ny) > BLOCK {
         let next = levels[levels.len() - 1].halved(layers);
         levels.push(next);
@@ -61,14 +67,19 @@ pub fn write_layers(grid: &Grid, layers: &[(&str, &Raster<f32>)]) -> Result<Vec<
         predictor: Predictor::FloatingPoint,
         nodata: Some("nan"),
     };
-    let mut tags = tags(grid, &names);
+    let mut tags = tags(grid, &names, placement);
     tags.push(Tag::new(TAG_GDAL_NODATA, TagValue::Ascii("nan".to_owned())));
     write_levels(&levels, f32::NAN, &kind, &tags)
 }
 
 /// Gray texels with their alpha (0 = unknown, 255 = known) as the two bands of one cloud-optimized GeoTIFF of bytes,
 /// row by row from the least y, as [`write_layers`] else. Overviews have the mean of the known of four.
-pub fn write_picture(grid: &Grid, gray: &[u8], alpha: &[u8]) -> Result<Vec<u8>, TerrainError> {
+pub fn write_picture(
+    grid: &Grid,
+    gray: &[u8],
+    alpha: &[u8],
+    placement: &Placement,
+) -> Result<Vec<u8>, TerrainError> {
     check_bytes(grid, gray)?;
     check_bytes(grid, alpha)?;
     let kind = Kind {
@@ -86,7 +97,7 @@ pub fn write_picture(grid: &Grid, gray: &[u8], alpha: &[u8]) -> Result<Vec<u8>, 
         let sum: u32 = known.map(|i| u32::from(bands[0][*i])).sum();
         (sum + n / 2).checked_div(n).map_or(vec![0, 0], |mean| vec![mean as u8, 255])
     });
-    write_levels(&levels, 0, &kind, &tags(grid, &["gray", "alpha"]))
+    write_levels(&levels, 0, &kind, &tags(grid, &["gray", "alpha"], placement))
 }
 
 /// Classes as one cloud-optimized GeoTIFF of bytes with a color for each, 0 (unknown) being nodata. Overviews have
@@ -95,6 +106,7 @@ pub fn write_classes(
     classes: &Raster<u8>,
     name: &str,
     colors: &[[u8; 3]],
+    placement: &Placement,
 ) -> Result<Vec<u8>, TerrainError> {
     let grid = classes.grid();
     check_bytes(grid, classes.values())?;
@@ -110,7 +122,7 @@ pub fn write_classes(
     let first = Level { nx: grid.nx, ny: grid.ny, bands: vec![turned(grid, classes.values())] };
     let levels =
         halvings(first, |bands, four| vec![four.iter().map(|i| bands[0][*i]).min().unwrap_or(0)]);
-    let mut tags = tags(grid, &[name]);
+    let mut tags = tags(grid, &[name], placement);
     tags.push(Tag::new(TAG_GDAL_NODATA, TagValue::Ascii("0".to_owned())));
     write_levels(&levels, 0, &kind, &tags)
 }
@@ -229,9 +241,16 @@ impl<T: Copy> Level<T> {
 }
 
 impl Level<f32> {
-    fn of(grid: &Grid, layers: &[(&str, &Raster<f32>)]) -> Level<f32> {
-        let north_up = |(_, layer): &(&str, &Raster<f32>)| {
-            layer.values().chunks_exact(grid.nx).rev().flatten().copied().collect()
+    fn of(grid: &Grid, layers: &[(&str, &Raster<f32>)], placement: &Placement) -> Level<f32> {
+        let lift = if placement.system.is_some() { placement.offset.z } else { 0.0 };
+        let north_up = |(name, layer): &(&str, &Raster<f32>)| {
+            let values = layer.values().chunks_exact(grid.nx).rev().flatten();
+            match *name {
+                "height_m" if lift != 0.0 => {
+                    values.map(|z| (f64::from(*z) + lift) as f32).collect()
+                }
+                _ => values.copied().collect(),
+            }
         };
         Level { nx: grid.nx, ny: grid.ny, bands: layers.iter().map(north_up).collect() }
     }
@@ -261,9 +280,11 @@ impl Level<f32> {
 }
 
 /// Where the pixels lie, and what the bands are.
-fn tags(grid: &Grid, names: &[&str]) -> Vec<Tag> {
+fn tags(grid: &Grid, names: &[&str], placement: &Placement) -> Vec<Tag> {
     let c = grid.resolution;
-    let top_left = [grid.origin.x - 0.5 * c, grid.origin.y + c * (grid.ny as f64 - 0.5)];
+    let system = placement.system.as_deref();
+    let origin = system.map_or(grid.origin, |_| grid.origin + placement.offset.xy());
+    let top_left = [origin.x - 0.5 * c, origin.y + c * (grid.ny as f64 - 0.5)];
     let citation = "FootFall local frame: x, y in meters, z up|";
     let citation_len = citation.len() as u16;
     // Version 1.1.0 and four keys of 4 numbers: id, where its value is (0 = here), count, value.
@@ -282,14 +303,22 @@ fn tags(grid: &Grid, names: &[&str]) -> Vec<Tag> {
         );
     }
     metadata += "</GDALMetadata>\n";
-    vec![
+    let local = (&geo_keys[..], &[][..], citation);
+    let (geo_keys, doubles, ascii) = system.map_or(local, |system| system.tags());
+    let mut tags = vec![
         Tag::new(TAG_PIXEL_SCALE, TagValue::Double(vec![c, c, 0.0])),
         Tag::new(
             TAG_TIEPOINT,
             TagValue::Double(vec![0.0, 0.0, 0.0, top_left[0], top_left[1], 0.0]),
         ),
-        Tag::new(TAG_GEO_KEYS, TagValue::Short(geo_keys)),
-        Tag::new(TAG_GEO_ASCII, TagValue::Ascii(citation.to_owned())),
+        Tag::new(TAG_GEO_KEYS, TagValue::Short(geo_keys.to_vec())),
         Tag::new(TAG_GDAL_METADATA, TagValue::Ascii(metadata)),
-    ]
+    ];
+    if !doubles.is_empty() {
+        tags.push(Tag::new(TAG_GEO_DOUBLES, TagValue::Double(doubles.to_vec())));
+    }
+    if !ascii.is_empty() {
+        tags.push(Tag::new(TAG_GEO_ASCII, TagValue::Ascii(ascii.to_owned())));
+    }
+    tags
 }

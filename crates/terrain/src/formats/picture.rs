@@ -7,8 +7,8 @@
 use geometry::Grid;
 use nalgebra::Point2;
 
-use super::geotiff::{GeoTiffFile, check_coordinates, grid_of};
-use crate::TerrainError;
+use super::geotiff::{GeoTiffFile, check_coordinates, grid_of, system_of};
+use crate::{ElevationMap, TerrainError};
 
 /// Most texels of a picture.
 pub const PICTURE_TEXELS_MAX: usize = 1 << 22;
@@ -24,6 +24,21 @@ pub struct Picture {
     pub stretch: Option<[f64; 2]>,
     /// Is it gray?
     pub is_gray: bool,
+}
+
+/// Refuses a picture that is surely in another reference system than a map; what nothing is said of is not told apart.
+pub fn check_system(file: &GeoTiffFile, map: &ElevationMap) -> Result<(), TerrainError> {
+    let (Some(map), Some(picture)) = (&map.placement().system, system_of(file)?) else {
+        return Ok(());
+    };
+    let short = |name: &str| name.chars().take(100).collect();
+    match picture.differs_from(map) {
+        Some(key) => {
+            let (picture, map) = (short(picture.name()), short(map.name()));
+            Err(TerrainError::PictureOtherSystem { picture, map, key })
+        }
+        None => Ok(()),
+    }
 }
 
 /// The part of a picture whose texels have their middles between two corners (m, coordinates of the file).

@@ -39,7 +39,7 @@ pub fn add_detail(
     let base = Box::new(macro_map.source().kind.clone());
     let kind = SourceKind::Detailed { base, recipe: recipe.to_string(), seed };
     let map = ElevationMap::new(heights, Source { kind, synthetic_detail: true });
-    Ok(map.with_frame_offset(macro_map.frame_offset()))
+    Ok(map.with_placement(macro_map.placement().clone()))
 }
 
 /// Height of the map's surface at `p` (m): Catmull-Rom through its nodes where it can be.

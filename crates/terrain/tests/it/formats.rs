@@ -4,7 +4,7 @@ use geometry::{Grid, Raster};
 use geotiff_reader::GeoTiffFile;
 use nalgebra::{Point2, Vector3};
 use terrain::formats::{Crop, CropCenter, ReadOptions, geotiff, off, read_named};
-use terrain::{ElevationMap, SourceKind, TerrainError};
+use terrain::{ElevationMap, Placement, SourceKind, TerrainError};
 
 use crate::tiff::Tiff;
 
@@ -177,8 +177,12 @@ fn written_layers_come_back_with_their_names_and_places() {
     let grid = Grid { origin: Point2::new(-3.5, 12.25), resolution: 0.25, nx: 150, ny: 131 };
     let first = Raster::from_fn(grid, |ix, iy| (ix as f32).sin() * iy as f32);
     let second = Raster::from_fn(grid, |ix, iy| if ix == iy { f32::NAN } else { ix as f32 });
-    let bytes =
-        geotiff::write_layers(&grid, &[("height_m", &first), ("sigma_m", &second)]).unwrap();
+    let bytes = geotiff::write_layers(
+        &grid,
+        &[("height_m", &first), ("sigma_m", &second)],
+        &Placement::default(),
+    )
+    .unwrap();
     let file = GeoTiffFile::from_bytes(bytes.clone()).unwrap();
     assert_eq!((file.band_count(), file.width(), file.height()), (2, 150, 131));
     // The center of the upper left pixel is the last row's first node.
@@ -205,7 +209,8 @@ fn written_layers_come_back_with_their_names_and_places() {
 fn a_written_height_layer_is_read_as_the_same_map() {
     let grid = Grid { origin: Point2::new(-1.0, -2.0), resolution: 0.1, nx: 33, ny: 70 };
     let heights = Raster::from_fn(grid, |ix, iy| (ix * iy) as f32 * 0.001);
-    let bytes = geotiff::write_layers(&grid, &[("height_m", &heights)]).unwrap();
+    let bytes =
+        geotiff::write_layers(&grid, &[("height_m", &heights)], &Placement::default()).unwrap();
     let map = read_named("Map.TIF", &bytes, &ReadOptions::default()).unwrap();
     assert_eq!(map.heights().values(), heights.values());
     assert!((map.grid().origin - grid.origin).norm() < 1e-12);
@@ -220,7 +225,7 @@ fn layers_of_another_grid_or_none_at_all_are_not_written() {
     let own = Raster::from_fn(grid, |_, _| 0.0);
     // GDAL cuts such a name off, however it is escaped.
     for layers in [&[][..], &[("a", &other)], &[("a < b & c", &own)]] {
-        let refused = geotiff::write_layers(&grid, layers);
+        let refused = geotiff::write_layers(&grid, layers, &Placement::default());
         assert!(matches!(refused, Err(TerrainError::TiffWrite { .. })), "{refused:?}");
     }
 }

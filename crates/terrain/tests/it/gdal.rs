@@ -8,6 +8,7 @@ use nalgebra::Point2;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use terrain::formats::{geotiff, pds3};
+use terrain::{ElevationMap, Placement};
 use testkit::{is_installed, shared_data_path};
 
 /// A folder of this test's own.
@@ -55,7 +56,11 @@ fn gdal_reads_our_layers_value_for_value_as_a_cloud_optimized_file() {
         let class = Raster::from_fn(grid, |ix, iy| ((ix / 7 + iy / 5) % 4) as f32);
         let layers = [("height_m", &heights), ("sigma of height, m²", &sigma), ("class", &class)];
         let file = folder.join("layers.tif");
-        std::fs::write(&file, geotiff::write_layers(&grid, &layers).unwrap()).unwrap();
+        std::fs::write(
+            &file,
+            geotiff::write_layers(&grid, &layers, &Placement::default()).unwrap(),
+        )
+        .unwrap();
         let info = run("gdalinfo", &["-json", file.to_str().unwrap()]);
         let info: serde_json::Value = serde_json::from_str(&info).unwrap();
         assert_eq!(info["metadata"]["IMAGE_STRUCTURE"]["LAYOUT"], "COG", "{info}");
@@ -78,6 +83,110 @@ fn gdal_reads_our_layers_value_for_value_as_a_cloud_optimized_file() {
         }
     }
     std::fs::remove_dir_all(folder).unwrap();
+}
+
+/// What GDAL says of a file.
+fn gdal_info(file: &Path) -> serde_json::Value {
+    serde_json::from_str(&run("gdalinfo", &["-json", file.to_str().unwrap()])).unwrap()
+}
+
+#[test]
+fn the_reference_system_of_a_map_goes_through_us_as_gdal_wrote_it() {
+    if !is_installed("reference_systems", "gdal_translate") {
+        return;
+    }
+    let folder = folder("systems");
+    let [from, to, ours] = ["from.tif", "to.tif", "ours.tif"].map(|name| folder.join(name));
+    let grid = Grid { origin: Point2::new(0.5, 0.5), resolution: 2.5, nx: 300, ny: 280 };
+    let heights = Raster::from_fn(grid, |ix, iy| (10 * iy + ix) as f32 / 8.0 - 4600.0);
+    let local = geotiff::write_layers(&grid, &[("height_m", &heights)], &Placement::default());
+    std::fs::write(&from, local.unwrap()).unwrap();
+    let mut names = Vec::new();
+    let mut systems = Vec::new();
+    for srs in [
+        "+proj=eqc +lat_ts=0 +lat_0=0 +lon_0=0 +x_0=0 +y_0=0 +R=1737400 +units=m +no_defs",
+        "+proj=eqc +lat_ts=5 +lat_0=0 +lon_0=180 +x_0=0 +y_0=0 +R=3396190 +units=m +no_defs",
+        "+proj=stere +lat_0=-90 +lon_0=0 +k=1 +x_0=0 +y_0=0 +a=3396190 +b=3376200 +units=m +no_defs",
+        "+proj=sinu +lon_0=137 +x_0=0 +y_0=0 +R=3396190 +units=m +no_defs",
+        "EPSG:32633",
+    ] {
+        let corner = ["-a_ullr", "-30000", "-1999300", "-29250", "-2000000"];
+        let mut arguments = vec!["-q", "-a_srs", srs];
+        arguments.extend(corner);
+        arguments.extend([from.to_str().unwrap(), to.to_str().unwrap()]);
+        run("gdal_translate", &arguments);
+        let read = geotiff::read(&std::fs::read(&to).unwrap(), &Default::default()).unwrap();
+        // Over whatever is done to a map its frame stays known.
+        let shifted = read.translated(nalgebra::Vector3::new(3.0, -4.0, 50.0));
+        let kept =
+            shifted.cropped(Point2::origin() + nalgebra::Vector2::new(3.0, -4.0), 400.0).unwrap();
+        let info = gdal_info(&to);
+        for (map, is_whole) in [(&shifted, true), (&kept, false)] {
+            let (layers, place) = ([("height_m", map.heights())], map.placement());
+            std::fs::write(&ours, geotiff::write_layers(map.grid(), &layers, place).unwrap())
+                .unwrap();
+            let found = gdal_info(&ours);
+            assert_eq!(found["coordinateSystem"]["wkt"], info["coordinateSystem"]["wkt"], "{srs}");
+            if is_whole {
+                for (a, b) in corners(&found).iter().zip(corners(&info)) {
+                    assert!((a - b).abs() < 1e-6, "{srs}: {a}, not {b}");
+                }
+                let (a, b) = (gdal_band(&ours, 1, &folder), gdal_band(&to, 1, &folder));
+                // Float32 of 5000 m, twice.
+                assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 2e-3), "{srs}");
+            }
+            // And we read what we wrote.
+            let again = geotiff::read(&std::fs::read(&ours).unwrap(), &Default::default()).unwrap();
+            assert_eq!(again.placement().system, map.placement().system, "{srs}");
+        }
+        // The part lies where it did: the height of a place of the source in both.
+        let at = |file: &Path| {
+            let file = file.to_str().unwrap();
+            run("gdallocationinfo", &["-valonly", "-geoloc", file, "-29600", "-1999700"])
+        };
+        let [a, b] = [at(&ours), at(&to)].map(|z| z.trim().parse::<f64>().unwrap());
+        assert!((a - b).abs() < 2e-3, "{srs}: {a}, not {b}");
+        let system = read.placement().system.clone().unwrap();
+        names.push(system.name().to_owned());
+        systems.push(system);
+        // A picture and classes of it have it too.
+        let bytes = vec![7; kept.grid().len()];
+        let picture =
+            geotiff::write_picture(kept.grid(), &bytes, &bytes, kept.placement()).unwrap();
+        let classes = Raster::new(*kept.grid(), bytes).unwrap();
+        let classes =
+            geotiff::write_classes(&classes, "class", &[[0; 3]; 8], kept.placement()).unwrap();
+        for file in [picture, classes] {
+            std::fs::write(&ours, file).unwrap();
+            let found = gdal_info(&ours);
+            assert_eq!(found["coordinateSystem"]["wkt"], info["coordinateSystem"]["wkt"], "{srs}");
+            let inside =
+                corners(&found).iter().zip(corners(&info)).all(|(a, b)| (a - b).abs() < 500.0);
+            assert!(inside, "{srs}");
+        }
+    }
+    for (i, a) in systems.iter().enumerate() {
+        for (k, b) in systems.iter().enumerate() {
+            assert_eq!(a.differs_from(b).is_none(), i == k || open(i, k), "{i}, {k}");
+        }
+    }
+    assert!(names.iter().all(|name| !name.is_empty()), "{names:?}");
+    // A map of no system is in no system.
+    let plain = geotiff::read(&std::fs::read(&from).unwrap(), &Default::default()).unwrap();
+    assert_eq!(plain.placement().system, None);
+    assert_eq!(ElevationMap::plane(2.0, 0.5).unwrap().placement(), &Placement::default());
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+/// May two of the systems not be told apart? The last is a code alone, which may stand for any of the others.
+fn open(i: usize, k: usize) -> bool {
+    i == 4 || k == 4
+}
+
+fn corners(info: &serde_json::Value) -> Vec<f64> {
+    let corner = |name: &str| info["cornerCoordinates"][name].as_array().unwrap().clone();
+    let all = ["upperLeft", "lowerRight"].into_iter().flat_map(corner);
+    all.map(|v| v.as_f64().unwrap()).collect()
 }
 
 #[test]
@@ -144,8 +253,11 @@ fn planetary_planes_that_gdal_writes_are_read_where_they_lie_and_degrees_are_ref
     let grid = Grid { origin: Point2::new(0.5, 0.5), resolution: 1.0, nx: 8, ny: 6 };
     let heights = Raster::from_fn(grid, |ix, iy| (10 * iy + ix) as f32);
     let (from, to) = (folder.join("from.tif"), folder.join("to.tif"));
-    std::fs::write(&from, geotiff::write_layers(&grid, &[("height_m", &heights)]).unwrap())
-        .unwrap();
+    std::fs::write(
+        &from,
+        geotiff::write_layers(&grid, &[("height_m", &heights)], &Placement::default()).unwrap(),
+    )
+    .unwrap();
     let translate = |srs: &str, corners: [&str; 4]| {
         let mut arguments = vec!["-q", "-a_srs", srs, "-a_ullr"];
         arguments.extend(corners);

@@ -4,9 +4,9 @@ use geometry::{Grid, Raster};
 use nalgebra::Point2;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use terrain::TerrainError;
 use terrain::formats::geotiff::{GeoTiffFile, write_classes, write_picture};
 use terrain::formats::picture::{self, Picture};
+use terrain::{Placement, TerrainError};
 use testkit::is_installed;
 
 use crate::gdal::{folder, gdal_band, run};
@@ -116,7 +116,8 @@ fn gdal_reads_our_pictures_and_classes_value_for_value() {
         let alpha: Vec<u8> =
             (0..nx * ny).map(|_| if rng.random::<f64>() < 0.3 { 0 } else { 255 }).collect();
         let gray: Vec<u8> = alpha.iter().map(|a| if *a == 0 { 0 } else { rng.random() }).collect();
-        std::fs::write(&file, write_picture(&grid, &gray, &alpha).unwrap()).unwrap();
+        std::fs::write(&file, write_picture(&grid, &gray, &alpha, &Placement::default()).unwrap())
+            .unwrap();
         let info: serde_json::Value =
             serde_json::from_str(&run("gdalinfo", &["-json", name])).unwrap();
         assert_eq!(info["metadata"]["IMAGE_STRUCTURE"]["LAYOUT"], "COG", "{info}");
@@ -145,7 +146,11 @@ fn gdal_reads_our_pictures_and_classes_value_for_value() {
         }
         let classes = Raster::from_fn(grid, |ix, iy| ((ix / 5 + iy / 3) % 4) as u8);
         let colors = [[0; 3], [200, 66, 52], [217, 178, 74], [79, 174, 138]];
-        std::fs::write(&file, write_classes(&classes, "class", &colors).unwrap()).unwrap();
+        std::fs::write(
+            &file,
+            write_classes(&classes, "class", &colors, &Placement::default()).unwrap(),
+        )
+        .unwrap();
         let info: serde_json::Value =
             serde_json::from_str(&run("gdalinfo", &["-json", name])).unwrap();
         assert_eq!(info["metadata"]["IMAGE_STRUCTURE"]["LAYOUT"], "COG", "{info}");

@@ -1,14 +1,14 @@
 //! Fuzzing of every reader of files: an answer or an error, within a bound of memory and time, never a panic.
 //!
 //! Without settings each reader gets the same few hundred damaged files every time. The long form goes by the
-//! processor's time, in turns, and prints a row a reader:
+//! processor's time, in turns, and prints a row a reader for the table of docs/RELIABILITY.md:
 //!
 //! ```sh
 //! FOOTFALL_FUZZ_SECONDS=600 cargo test --release -p testkit --test fuzz -- --nocapture
 //! ```
 //!
-//! `FOOTFALL_FUZZ_READERS=geotiff,off` takes some of them, `FOOTFALL_FUZZ_SEED` other files. What breaks a
-//! promise is kept in `target/fuzz`.
+//! `FOOTFALL_FUZZ_READERS=geotiff,off` takes some of them or one, `FOOTFALL_FUZZ_SEED` other files. What breaks a
+//! promise is told at once and kept in `target/fuzz`.
 #![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 mod mutate;

@@ -14,6 +14,28 @@ pub fn all() -> Vec<Reader> {
     readers
 }
 
+/// What the reader of a name reads.
+pub fn title(name: &'static str) -> &'static str {
+    match name {
+        "geotiff" => "GeoTIFF and COG heights",
+        "overlay" => "GeoTIFF pictures (overlays)",
+        "off" => "OFF",
+        "obj" => "OBJ",
+        "ply" => "PLY",
+        "pds3" => "PDS3, label attached and apart",
+        "png heights" => "PNG heights and their JSON",
+        "tsai" => "`.tsai`",
+        "cahvor" => "CAHV, CAHVOR",
+        "middlebury" => "Middlebury `calib.txt`",
+        "opencv" => "OpenCV and ROS YAML",
+        "camera image" => "camera image (PNG)",
+        "robot.toml" => "`robot.toml` with its rig",
+        "urdf" => "URDF",
+        "robot mesh" => "robot mesh (STL, OBJ)",
+        other => other,
+    }
+}
+
 /// Longest message of an error (characters).
 const MESSAGE_MAX: usize = 2000;
 

@@ -10,6 +10,7 @@ use rustix::time::{ClockId, clock_gettime};
 
 use crate::HEAP;
 use crate::mutate::{Seed, mutated};
+use crate::readers::title;
 
 /// What a reader made of a file: true if it read it, false if it refused it, or the promise that it broke.
 pub type Answer = Result<bool, String>;
@@ -29,8 +30,9 @@ pub struct Reader {
     pub seconds_max: f64,
 }
 
-pub const HEAD: &str =
-    "reader            files      read   refused  broken  most memory  slowest      CPU";
+/// Head of the table of docs/RELIABILITY.md, with what broke a promise beside it.
+pub const HEAD: &str = "| reader | damaged files | read | most memory | slowest | processor |\n\
+    |---|---|---|---|---|---|";
 
 /// A reader at work.
 pub struct Run {
@@ -109,23 +111,40 @@ impl Run {
     fn breaks(&mut self, promise: &str, bytes: &[u8]) {
         if self.broken.len() < 20 {
             let file = keep(self.reader.name, self.n, bytes);
-            self.broken.push(format!("{}: {promise}: {file}", self.reader.name));
+            let broken = format!("{}: {promise}: {file}", self.reader.name);
+            // At once: a long run may be cut off.
+            println!("{broken}");
+            self.broken.push(broken);
         }
     }
 
+    /// A row of that table.
     pub fn row(&self) -> String {
-        format!(
-            "{:<14} {:>9} {:>9} {:>9} {:>7} {:>9.1} MB {:>6.0} ms {:>6.0} s",
-            self.reader.name,
-            self.n,
-            self.n_read,
-            self.n - self.n_read,
-            self.broken.len(),
+        let row = format!(
+            "| {} | {} | {} | {:.1} MB | {:.0} ms | {:.0} s |",
+            title(self.reader.name),
+            spaced(self.n),
+            spaced(self.n_read),
             self.memory as f64 / 1e6,
             1e3 * self.slowest_s,
             self.used_s,
-        )
+        );
+        match self.broken.len() {
+            0 => row,
+            n => format!("{row} {n} broken promises"),
+        }
     }
+}
+
+/// A number with a space every three digits.
+fn spaced(n: u64) -> String {
+    let digits = n.to_string();
+    let is_apart = |i: usize| i > 0 && (digits.len() - i).is_multiple_of(3);
+    let parts = digits
+        .chars()
+        .enumerate()
+        .map(|(i, c)| [if is_apart(i) { " " } else { "" }, &c.to_string()].concat());
+    parts.collect()
 }
 
 /// Keeps a file for whoever mends the reader; where.

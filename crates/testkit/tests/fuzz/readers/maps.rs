@@ -6,7 +6,7 @@ use geometry::{Grid, Raster};
 use nalgebra::Point2;
 use terrain::formats::mesh::{HeightMesh, write_obj};
 use terrain::formats::{ReadOptions, geotiff, obj, picture, ply, read_with};
-use terrain::{ElevationMap, Source, TerrainError};
+use terrain::{ElevationMap, Placement, Source, TerrainError};
 
 use super::answered;
 use crate::mutate::{Kind, Seed};
@@ -86,7 +86,7 @@ fn overlay_reader() -> Reader {
     let grid = Grid { origin: Point2::new(-1.0, 3.0), resolution: 0.1, nx: 50, ny: 40 };
     let gray: Vec<u8> = (0..grid.len()).map(|i| (i * i / 31) as u8).collect();
     let alpha: Vec<u8> = (0..grid.len()).map(|i| if i % 7 == 0 { 0 } else { 255 }).collect();
-    let ours = geotiff::write_picture(&grid, &gray, &alpha).unwrap();
+    let ours = geotiff::write_picture(&grid, &gray, &alpha, &Placement::default()).unwrap();
     let kinds: [&[&str]; 5] = [
         &["-b", "1", "-b", "1", "-b", "1", "-colorinterp", "red,green,blue"],
         &["-b", "1", "-b", "1", "-b", "1", "-b", "2", "-co", "COMPRESS=LZW", "-co", "TILED=YES"],
@@ -148,7 +148,8 @@ fn ground_with(odd: f32) -> ElevationMap {
 
 fn geotiffs() -> Vec<Seed> {
     let map = ground();
-    let ours = geotiff::write_layers(map.grid(), &[("height_m", map.heights())]).unwrap();
+    let ours =
+        geotiff::write_layers(map.grid(), &[("height_m", map.heights())], map.placement()).unwrap();
     let kinds: [&[&str]; 10] = [
         &["-co", "COMPRESS=NONE"],
         &["-co", "COMPRESS=LZW", "-co", "PREDICTOR=3"],
