@@ -236,7 +236,7 @@ async fn message(socket: &mut Socket) -> (u32, Vec<u8>) {
     }
 }
 
-#[tokio::test]
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn viewers_see_the_cameras_as_the_log_has_them() {
     let ground = Ground::start().await;
     let url = format!("{}/foxglove", listening(&ground).await);
@@ -265,17 +265,23 @@ async fn viewers_see_the_cameras_as_the_log_has_them() {
         .collect();
     let subscribe = json!({ "op": "subscribe", "subscriptions": wishes });
     say(&mut socket, subscribe.clone()).await;
+    // Heard meanwhile, so that the viewer gives signs of life however long the images take.
+    let n = topics.len();
+    let hearing = tokio::spawn(async move {
+        let mut heard: BTreeMap<u32, Vec<u8>> = BTreeMap::new();
+        while heard.len() < n {
+            let (id, content) = message(&mut socket).await;
+            assert!(heard.insert(id, content).is_none(), "{id} came twice");
+        }
+        heard
+    });
     let order = |pairs: &[&str]| json!({ "type": "image", "pairs": pairs, "scale": 0.25, "simulated": { "seed": 5 } });
     // What another camera sees is not told under these.
     let record = ground.execute_body(&order(&["haz2", "haz1"])).await;
     let capture = format!("/api/v1/rover/images/{}", record["id"].as_str().unwrap());
     let ended = || async { ground.get(&capture).await.json()["state"] == "complete" };
     ground.until("the images", ended).await;
-    let mut heard: BTreeMap<u32, Vec<u8>> = BTreeMap::new();
-    while heard.len() < topics.len() {
-        let (id, content) = message(&mut socket).await;
-        assert!(heard.insert(id, content).is_none(), "{id} came twice");
-    }
+    let heard = hearing.await.unwrap();
     // Who comes later begins with the newest image of each camera.
     let mut late = viewer(&url).await;
     say(&mut late, subscribe).await;
