@@ -267,13 +267,12 @@ async fn viewers_see_the_cameras_as_the_log_has_them() {
     say(&mut socket, subscribe.clone()).await;
     // Heard meanwhile, so that the viewer gives signs of life however long the images take.
     let n = topics.len();
-    let hearing = tokio::spawn(async move {
-        let mut heard: BTreeMap<u32, Vec<u8>> = BTreeMap::new();
-        while heard.len() < n {
-            let (id, content) = message(&mut socket).await;
-            assert!(heard.insert(id, content).is_none(), "{id} came twice");
+    let (told, mut hears) = tokio::sync::mpsc::unbounded_channel();
+    tokio::spawn(async move {
+        for _ in 0..n {
+            // Nobody listens any more once the test is over.
+            let _ = told.send(message(&mut socket).await);
         }
-        heard
     });
     let order = |pairs: &[&str]| json!({ "type": "image", "pairs": pairs, "scale": 0.25, "simulated": { "seed": 5 } });
     // What another camera sees is not told under these.
@@ -281,14 +280,21 @@ async fn viewers_see_the_cameras_as_the_log_has_them() {
     let capture = format!("/api/v1/rover/images/{}", record["id"].as_str().unwrap());
     let ended = || async { ground.get(&capture).await.json()["state"] == "complete" };
     ground.until("the images", ended).await;
-    let heard = hearing.await.unwrap();
+    // A viewer that a busy machine keeps from listening is told of a gap instead of some of them.
+    let mut heard: BTreeMap<u32, Vec<u8>> = BTreeMap::new();
+    let wait = std::time::Duration::from_secs(5);
+    while let Ok(Some((id, content))) = tokio::time::timeout(wait, hears.recv()).await {
+        assert!(heard.insert(id, content).is_none(), "{id} came twice");
+    }
     // Who comes later begins with the newest image of each camera.
     let mut late = viewer(&url).await;
     say(&mut late, subscribe).await;
     for _ in 0..topics.len() {
         let (id, content) = message(&mut late).await;
-        assert_eq!(heard[&id], content);
+        assert!(heard.get(&id).is_none_or(|before| *before == content), "{id}");
+        heard.insert(id, content);
     }
+    assert_eq!(heard.len(), topics.len());
     let log = ground.get("/api/v1/rover").await.json()["log_id"].as_str().unwrap().to_owned();
     let dir = ground.finish().await;
     let log = catalog::read_log(&dir.path().join("logs"), &log, Limits::default()).unwrap();
