@@ -100,7 +100,7 @@ fn below_robot(
         }
         // The surface between nodes is to be below the robot too: the lowest about a node counts.
         let under = around(iy, grid.ny)
-            .flat_map(|y| around(ix, grid.nx).filter_map(move |x| Some((x, y))))
+            .flat_map(|y| around(ix, grid.nx).map(move |x| (x, y)))
             .filter_map(|node| undersides.get(&node))
             .fold(f64::INFINITY, |a, b| a.min(*b));
         z.min((under - tolerance) as f32)

@@ -9,8 +9,9 @@ use crate::clock::Clock;
 
 /// Longest time between two steps (s).
 pub const STEP_S: f64 = 0.05;
-/// Shortest (s), so that a clock that stands still does not turn this into a busy loop.
-const SHORTEST_S: f64 = 0.000_2;
+/// Shortest (s), so that a clock that stands still, or runs fast, does not turn this into a busy loop; half of
+/// how late a message may be.
+const SHORTEST_S: f64 = 0.001;
 
 /// Steps the ground for ever: at each arrival, whenever the log has made something safe, and at
 /// least every [`STEP_S`]. Ends by being dropped.
