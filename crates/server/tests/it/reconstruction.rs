@@ -250,7 +250,8 @@ async fn a_pair_can_be_taken_out_its_fit_undone_and_a_version_put_in_use_again()
             continue;
         }
         assert!(matches!(masks[i], 1 | 6), "known without the map from before: {}", masks[i]);
-        assert!(*source >= 2 && sigma > 0.0 && sigma < 0.11, "{source} {sigma}");
+        // Beside a rock a cell is as unsure as the rock is high.
+        assert!(*source >= 2 && sigma > 0.0 && sigma < 0.3, "{source} {sigma}");
         assert!((0.0..600.0).contains(&age), "{age}");
     }
     let count = |name: &str| counts[names.iter().position(|n| n == name).unwrap() + 1];
