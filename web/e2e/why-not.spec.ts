@@ -155,8 +155,13 @@ async function pointAt(ops: Console, [x, y]: [number, number]): Promise<boolean>
       .first()
       .textContent({ timeout: 1000 })
       .catch(() => "")) ?? "";
-  const [rx, ry] = ((await text()).replaceAll("−", "-").match(/-?\d+\.\d+/g) ?? []).map(Number);
-  return rx !== undefined && Math.hypot(rx - x, ry! - y) < 0.04;
+  // The read-out follows the pointer at the pace of the picture.
+  for (let i = 0; i < 6; i++) {
+    const [rx, ry] = ((await text()).replaceAll("−", "-").match(/-?\d+\.\d+/g) ?? []).map(Number);
+    if (rx !== undefined && Math.hypot(rx - x, ry! - y) < 0.04) return true;
+    await ops.page.waitForTimeout(100);
+  }
+  return false;
 }
 
 /** The read-out of a cell: its verdict, its reason, what is missing, and what was tried. */

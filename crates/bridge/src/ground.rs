@@ -34,7 +34,7 @@ use crate::commands::{
     Authority, AuthorityRules, CommandBook, CommandError, Estop, EstopMemory, LightTimes, Silence,
 };
 use crate::images::Images;
-use crate::link::{self, Delivered, Direction, DropCause, LinkError, Notice, Settings};
+use crate::link::{self, Delivered, Direction, DropCause, LinkError, Notice};
 use crate::recorder::{Record, Recorder, RecorderError, RecorderStatus, Written};
 use crate::views::Views;
 
@@ -395,8 +395,6 @@ impl Ground {
             match notice {
                 Notice::Transmitted { item: Uplink::Command { id, .. }, at, arrives, .. } => {
                     let light = self.light_times(at);
-                    let light =
-                        LightTimes { down_s: word_s(self.down.settings(), arrives), ..light };
                     self.book.transmitted(at, &id, arrives, light);
                 }
                 Notice::Dropped {
@@ -451,15 +449,12 @@ impl Ground {
         }
     }
 
-    /// As [`Ground::light_times`], with what outages hold back: of a command that is released at `now`.
+    /// As [`Ground::light_times`], of a command that is released at `now`: with what outages hold back on the way up.
     fn command_times(&self, now: Timestamp) -> LightTimes {
         let leaves = self.up.settings().open_from(now);
         let up_s = leaves.seconds_since(now) + self.up.settings().light_s(leaves);
-        LightTimes {
-            up_s,
-            down_s: word_s(self.down.settings(), now.plus_seconds(up_s)),
-            ..self.light_times(now)
-        }
+        let down_s = self.down.settings().light_s(now.plus_seconds(up_s));
+        LightTimes { up_s, down_s, ..self.light_times(now) }
     }
 
     /// When an E-stop that is wanted at `now` reaches the rover at the earliest: what is lost in an outage is
@@ -617,12 +612,6 @@ fn record_of(message: &ChannelMessage) -> Record {
         publish_time: message.onboard_time,
         data: message.json.clone(),
     }
-}
-
-/// How long a word of the rover that is said at `at` takes to the ground, at least (s).
-fn word_s(down: &Settings, at: Timestamp) -> f64 {
-    let leaves = down.clear_from(at);
-    leaves.seconds_since(at) + down.light_s(leaves)
 }
 
 fn log_error(error: RecorderError) -> CommandError {

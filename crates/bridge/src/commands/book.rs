@@ -52,6 +52,8 @@ struct Entry {
     armed_by: Option<String>,
     /// It is of an earlier session.
     restored: bool,
+    /// When the first word can be here, were there no outages.
+    word: Option<Timestamp>,
     /// When a word should be here, were there no outages. `record.overdue_after`, which counts them, is as
     /// of the last news; telemetry may have granted more since.
     deadline: Option<Timestamp>,
@@ -114,6 +116,7 @@ impl CommandBook {
             model_hash: command.model_hash,
             armed_by: None,
             restored: false,
+            word: None,
             deadline: None,
             transmitted: false,
         };
@@ -457,7 +460,7 @@ impl CommandBook {
         let entry = self.entries.get_mut(order).ok_or_else(unknown)?;
         debug_assert!(!is_terminal(entry.record.state), "an ended command changes no more");
         change(entry);
-        entry.tell_deadline(&self.silences);
+        entry.tell_times(&self.silences);
         let record = entry.record.clone();
         self.events.push(event(now, &record, who, why));
         Ok(record)

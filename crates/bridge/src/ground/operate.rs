@@ -8,7 +8,7 @@ use wire::live::{
 use wire::resources::EstopAnswer;
 use wire::time::Timestamp;
 
-use super::{Ground, Logged, Pending, Release, RoverBusy, log_error, size, word_s};
+use super::{Ground, Logged, Pending, Release, RoverBusy, log_error, size};
 use crate::adapter::RoverAdapter;
 use crate::commands::{AuthorityError, CommandError, EstopError, StageCommand};
 use crate::link::{self, LinkError, Settings};
@@ -377,8 +377,7 @@ impl Ground {
         }
         self.tell_silences(now, who);
         let times = self.command_times(now);
-        let down = self.down.settings();
-        self.book.reconsider(now, who, times, |said| word_s(down, said));
+        self.book.reconsider(now, who, times);
         self.publish_events();
         let mut text = format!("link delay set to {} s up, {} s down", after.up_s, after.down_s);
         for (name, direction) in [("up", self.up.settings()), ("down", self.down.settings())] {

@@ -47,9 +47,8 @@ impl CommandBook {
         for id in self.ids(|e| is_outstanding(e.record.state)) {
             let why = format!("the delay of telemetry has grown by {seconds} s");
             let _ = self.transition(now, &id, who, Some(&why), |entry| {
-                let ack = entry.record.earliest_ack;
-                if let Some(ack) = ack.filter(|_| Some(now) < entry.record.arrives) {
-                    entry.record.earliest_ack = Some(ack.plus_seconds(seconds));
+                if Some(now) < entry.record.arrives {
+                    entry.word = entry.word.map(|word| word.plus_seconds(seconds));
                 }
                 entry.deadline = entry.deadline.map(|deadline| deadline.plus_seconds(seconds));
             });
@@ -67,27 +66,17 @@ impl CommandBook {
         }
     }
 
-    /// The link was changed: the times of what has not arrived yet. What is sent now arrives after `light.up_s`
-    /// (s); a word that is said at a moment takes `word_s` of it (s) down.
-    pub fn reconsider(
-        &mut self,
-        now: Timestamp,
-        who: &str,
-        light: LightTimes,
-        word_s: impl Fn(Timestamp) -> f64,
-    ) {
+    /// The link was changed: the times of what has not arrived yet. What is sent now arrives after `light.up_s`.
+    pub fn reconsider(&mut self, now: Timestamp, who: &str, light: LightTimes) {
         let arrives = |e: &Entry| match e.transmitted {
             false => Some(now.plus_seconds(light.up_s)),
             true => e.record.arrives.filter(|&arrives| arrives > now),
         };
         for id in self.ids(|e| e.record.state == CommandState::Sent) {
-            let Some(arrives) = self.entry_mut(&id).and_then(|e| arrives(e)) else { continue };
-            let light = LightTimes { down_s: word_s(arrives), ..light };
-            let same = |e: &Entry| {
-                let ack = arrives.plus_seconds(light.down_s);
-                (e.record.arrives, e.record.earliest_ack) == (Some(arrives), Some(ack))
-            };
-            if self.entry_mut(&id).is_some_and(|e| !same(e)) {
+            let Some(entry) = self.entry_mut(&id) else { continue };
+            let Some(arrives) = arrives(entry) else { continue };
+            let word = Some(arrives.plus_seconds(light.down_s));
+            if (entry.record.arrives, entry.word) != (Some(arrives), word) {
                 let why = "the link was changed";
                 let _ = self.transition(now, &id, who, Some(why), |e| e.expect(arrives, light));
             }
@@ -101,34 +90,36 @@ impl CommandBook {
 
     /// When a word on it is due.
     fn deadline(&self, entry: &Entry) -> Option<Timestamp> {
-        entry.deadline.map(|deadline| beyond(&self.silences, deadline))
+        entry.deadline.map(|deadline| beyond(&self.silences, deadline, ACK_SLACK_S))
     }
 }
 
 impl Entry {
     /// It arrives at `arrives` at the earliest; from then on a word is due.
     pub(super) fn expect(&mut self, arrives: Timestamp, light: LightTimes) {
-        let earliest_ack = arrives.plus_seconds(light.down_s);
+        let word = arrives.plus_seconds(light.down_s);
         self.record.arrives = Some(arrives);
-        self.record.earliest_ack = Some(earliest_ack);
-        self.deadline = Some(earliest_ack.plus_seconds(ACK_SLACK_S + light.spread_s));
+        self.word = Some(word);
+        self.deadline = Some(word.plus_seconds(ACK_SLACK_S + light.spread_s));
     }
 
-    /// Tells when a word is due.
-    pub(super) fn tell_deadline(&mut self, silences: &[Silence]) {
-        if let Some(deadline) = self.deadline.map(|deadline| beyond(silences, deadline)) {
+    /// Tells when the first word can be here, and by when one is due.
+    pub(super) fn tell_times(&mut self, silences: &[Silence]) {
+        if let Some(word) = self.word.filter(|_| self.record.state == CommandState::Sent) {
+            self.record.earliest_ack = Some(beyond(silences, word, 0.0));
+        }
+        if let Some(deadline) = self.deadline {
+            let deadline = beyond(silences, deadline, ACK_SLACK_S);
             self.record.overdue_after = Some(deadline);
             stages::due(&mut self.record, VerificationStage::Transmitted, deadline);
         }
     }
 }
 
-/// A deadline, put off where it falls into silence: to a little after its end, as what was held back comes
-/// then.
-fn beyond(silences: &[Silence], deadline: Timestamp) -> Timestamp {
-    let first = silences.partition_point(|silence| silence.end <= deadline);
-    silences[first..].iter().fold(deadline, |deadline, silence| {
-        let within = silence.begin <= deadline;
-        if within { deadline.max(silence.end.plus_seconds(ACK_SLACK_S)) } else { deadline }
+/// A moment, put off where it falls into silence to so much (s) after its end, when what was held back comes.
+fn beyond(silences: &[Silence], at: Timestamp, slack_s: f64) -> Timestamp {
+    let first = silences.partition_point(|silence| silence.end <= at);
+    silences[first..].iter().fold(at, |at, silence| {
+        if silence.begin <= at { at.max(silence.end.plus_seconds(slack_s)) } else { at }
     })
 }

@@ -32,6 +32,7 @@ impl CommandBook {
                 model_hash: None,
                 armed_by: None,
                 restored: true,
+                word: None,
                 deadline: None,
                 transmitted: true,
             };

@@ -99,6 +99,22 @@ fn an_outage_that_is_ended_early_or_set_later_corrects_what_was_told() {
 }
 
 #[test]
+fn what_an_outage_has_lost_is_overdue_soon_after_its_early_end() {
+    let dark = Some([0.0, 600.0]);
+    let mut session = Session::new(outage(dark, dark, OutageTraffic::Lose));
+    session.go_to(1.0);
+    session.send(1, 5.0);
+    assert_eq!(told(&session)[1..], [after(601.3), after(603.3)].map(Some));
+    session.go_to(20.0);
+    assert_eq!(session.state(1), CommandState::Sent);
+    let over = outage(None, None, OutageTraffic::Hold);
+    session.ground.set_link(session.now, "ada", over).unwrap();
+    session.go_to(20.1);
+    assert_eq!(session.state(1), CommandState::Overdue, "a word was due at 5.6 s");
+    assert_eq!(session.received.lock().unwrap().len(), 0);
+}
+
+#[test]
 fn an_estop_in_an_outage_is_told_when_it_can_take_effect() {
     for traffic in [OutageTraffic::Hold, OutageTraffic::Lose] {
         let mut session = Session::new(outage(Some([0.0, 60.0]), None, traffic));
