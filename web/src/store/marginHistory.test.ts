@@ -84,7 +84,7 @@ describe("the history of margins", () => {
   });
 
   it("is empty where a replay went back to before the first frame, whatever was asked", async () => {
-    let answer = (_: ReplayMargins) => {};
+    let answer: (margins: ReplayMargins) => void = () => {};
     const ask = vi
       .spyOn(api, "replayMargins")
       .mockImplementation(() => new Promise((resolve) => (answer = resolve)));
