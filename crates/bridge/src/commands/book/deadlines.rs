@@ -59,7 +59,12 @@ impl CommandBook {
     /// within one is due when it is over.
     pub fn set_silences(&mut self, now: Timestamp, who: &str, silences: Vec<Silence>) {
         self.silences = silences;
-        let told = |e: &Entry| e.deadline.is_none() || e.record.overdue_after == self.deadline(e);
+        let told = |e: &Entry| {
+            let word = e.word.filter(|_| e.record.state == CommandState::Sent);
+            let word = word.map(|word| beyond(&self.silences, word, 0.0));
+            word.is_none_or(|word| e.record.earliest_ack == Some(word))
+                && (e.deadline.is_none() || e.record.overdue_after == self.deadline(e))
+        };
         for id in self.ids(|e| is_outstanding(e.record.state) && !told(e)) {
             let why = "outages of the link were changed";
             let _ = self.transition(now, &id, who, Some(why), |_| ());

@@ -99,6 +99,17 @@ fn an_outage_that_is_ended_early_or_set_later_corrects_what_was_told() {
 }
 
 #[test]
+fn an_outage_shorter_than_the_patience_moves_the_first_word_alone_and_back() {
+    let mut session = Session::new(outage(None, Some([2.0, 2.5]), OutageTraffic::Hold));
+    session.go_to(1.0);
+    session.send(1, 5.0);
+    // Nothing comes from 3.3 to 3.8 s; the first word was to come at 3.6 s, and is due at 5.6 s.
+    assert_eq!(told(&session)[1..], [after(3.8), after(5.6)].map(Some));
+    session.ground.set_link(session.now, "ada", outage(None, None, OutageTraffic::Hold)).unwrap();
+    assert_eq!(told(&session)[1..], [after(3.6), after(5.6)].map(Some));
+}
+
+#[test]
 fn what_an_outage_has_lost_is_overdue_soon_after_its_early_end() {
     let dark = Some([0.0, 600.0]);
     let mut session = Session::new(outage(dark, dark, OutageTraffic::Lose));
