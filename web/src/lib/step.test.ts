@@ -163,3 +163,16 @@ describe("dead reckoning", () => {
     expect(predictedPose(command(false), T0 + 2300)).toBeNull();
   });
 });
+
+it("what holds on an assumption only is said before anything is staged", () => {
+  const sentence = (...findings: object[]) => {
+    const told = { ...plan, findings } as unknown as PlanAnswer;
+    const inputs = { leg: "leg2", picked: true, job: null, byHand: null, now_ms: T0 };
+    return stepOf({ ...inputs, plan: told, progress: planProgress(told, []) }).sentence;
+  };
+  const margin = { check: "margin", ok: true };
+  const ground = { check: "unknown_ground", ok: true, assumed: true };
+  expect(sentence(margin)).toContain("all checks hold: look");
+  expect(sentence(margin, ground)).toContain("all checks hold, 1 on an assumption: look");
+  expect(sentence({ ...margin, ok: false }, ground)).toContain("checks do not hold");
+});

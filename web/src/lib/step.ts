@@ -147,7 +147,9 @@ function stepOfCommand(record: CommandRecord, title: string, of: string, now_ms:
 function unstaged(plan: PlanAnswer, at: number, title: string): Step {
   const failed = plan.findings.filter((f) => !f.ok).length;
   if (at === 0) {
-    const checks = failed === 0 ? "all checks hold" : `${failed} checks do not hold`;
+    const assumed = plan.findings.filter((f) => f.assumed).length;
+    const held = assumed === 0 ? "all checks hold" : `all checks hold, ${assumed} on an assumption`;
+    const checks = failed === 0 ? held : `${failed} checks do not hold`;
     return step(
       "check",
       `The plan is ready, ${checks}: look at the preview, then stage “${title}”.`,
